@@ -1,0 +1,243 @@
+"""
+Blocks of consecutive samples as serialized ``std_msgs/Float64MultiArray``.
+
+One block carries N samples of one stream; the two leading numbers of ``data`` are the index of the
+first sample and the sample period, padding in the sense of ``layout.data_offset``. N = 0 ends a
+stream and its index is the number of samples sent. This module turns blocks into little-endian CDR
+and back with ``struct`` and ``numpy`` alone, some thirty times faster than the typed message.
+"""
+
+import math
+import struct
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ['STREAMS', 'Block', 'BlockCodec', 'MalformedBlockError', 'block_from_message_fields']
+
+# Stream (topic) name -> unit of its samples; the label of a block is '<topic>_<unit>'.
+STREAMS: Final = {
+    'reference': 'um',
+    'feedforward': 'um',
+    'command': 'um',
+    'voltage': 'v',
+    'displacement': 'um',
+}
+_MAXIMUM_INDEX: Final = 2**53
+_HEADER_SAMPLES: Final = 2  # layout.data_offset: index and sample period
+_ENCAPSULATION: Final = b'\x00\x01\x00\x00'  # CDR, little-endian
+
+
+class MalformedBlockError(ValueError):
+    """A message that is no valid block; the text names the field, its value and what is allowed."""
+
+
+class Block(NamedTuple):
+    """
+    N consecutive samples of one stream.
+
+    Attributes
+    ----------
+    index : int
+        Index of the first sample; the count of samples sent when N = 0.
+    sample_period_s : float
+        Sample period, seconds.
+    samples : tuple of float
+        The N samples, in the stream's unit; empty at the end of the stream.
+
+    """
+
+    index: int
+    sample_period_s: float
+    samples: tuple[float, ...]
+
+
+class BlockCodec:
+    """
+    Serializer of the blocks of one stream.
+
+    Parameters
+    ----------
+    stream : str
+        One of `STREAMS`.
+
+    Raises
+    ------
+    ValueError
+        If the stream is not one of `STREAMS`.
+
+    """
+
+    def __init__(self, stream: str) -> None:
+        if stream not in STREAMS:
+            raise ValueError(f'stream {stream!r} is none of {", ".join(STREAMS)}')
+        self.stream = stream
+        self.label = f'{stream}_{STREAMS[stream]}'
+        text = self.label.encode() + b'\x00'
+        self._label_head = _ENCAPSULATION + struct.pack('<II', 1, len(text)) + text
+        # Typed publishers leave garbage in the padding, so it is skipped, never compared.
+        self._layout_offset = 4 + -(-(len(self._label_head) - 4) // 4) * 4
+        self._length_offset = self._layout_offset + 12
+        self._data_offset = 4 + -(-(self._length_offset + 4 - 4) // 8) * 8
+        self._single_head = self._head(1)
+        self._single_size = len(self._single_head) + 24
+        self._single_layout = self._single_head[self._layout_offset:self._length_offset + 4]
+        self._pack_single = struct.Struct('<3d').pack
+        self._unpack_single = struct.Struct('<3d').unpack_from
+
+    def _head(self, samples: int) -> bytes:
+        layout = struct.pack('<4I', samples, samples, _HEADER_SAMPLES, samples + _HEADER_SAMPLES)
+        head = self._label_head.ljust(self._layout_offset, b'\x00') + layout
+        return head.ljust(self._data_offset, b'\x00')
+
+    def encode_one(self, index: int, sample_period_s: float, sample: float) -> bytes:
+        """Return the CDR bytes of a block of one sample (hot path, arguments not checked)."""
+        return self._single_head + self._pack_single(index, sample_period_s, sample)
+
+    def encode(
+        self, index: int, sample_period_s: float, samples: NDArray[np.float64] | list[float],
+    ) -> bytes:
+        """
+        Return the CDR bytes of a block.
+
+        Parameters
+        ----------
+        index : int
+            Index of the first sample, 0 … 2**53 - 1.
+        sample_period_s : float
+            Sample period, seconds.
+        samples : array_like of float, shape (N,)
+            The samples; N = 0 ends the stream.
+
+        Returns
+        -------
+        bytes
+            Little-endian CDR with its encapsulation header.
+
+        """
+        values = np.ascontiguousarray(samples, dtype='<f8')
+        prefix = struct.pack('<2d', index, sample_period_s)
+        return self._head(values.size) + prefix + values.tobytes()
+
+    def decode(self, raw: bytes) -> Block:
+        """
+        Return the block held by serialized bytes of any conforming publisher.
+
+        Parameters
+        ----------
+        raw : bytes
+            Little-endian CDR of a ``std_msgs/Float64MultiArray``.
+
+        Returns
+        -------
+        Block
+            The checked block.
+
+        Raises
+        ------
+        MalformedBlockError
+            If the layout is another, the index is no integer in 0 … 2**53 - 1, the sample period
+            is not positive and finite, or a sample is not finite.
+
+        """
+        if (
+            len(raw) == self._single_size
+            and raw.startswith(self._label_head)
+            and raw[self._layout_offset:self._length_offset + 4] == self._single_layout
+        ):
+            index, period, sample = self._unpack_single(raw, self._data_offset)
+            # The sum is finite only where both are; index and period are checked by comparison.
+            if sample - sample == 0.0 and period > 0.0 and index % 1.0 == 0.0 and 0.0 <= index:
+                if index < _MAXIMUM_INDEX and period < math.inf:
+                    return Block(int(index), period, (sample,))
+        return self._decode_any(raw)
+
+    def _decode_any(self, raw: bytes) -> Block:
+        label, size, stride, offset, data = _parse(raw)
+        if label != self.label:
+            raise MalformedBlockError(
+                f'layout.dim[0].label is {label!r}, the stream {self.stream!r} needs {self.label!r}')
+        return _checked(label, size, stride, offset, data)
+
+
+def block_from_message_fields(
+    label: str, size: int, stride: int, data_offset: int, data: NDArray[np.float64],
+) -> Block:
+    """
+    Return the block held by the fields of a typed message.
+
+    Parameters
+    ----------
+    label, size, stride : str, int, int
+        The fields of ``layout.dim[0]``.
+    data_offset : int
+        The field ``layout.data_offset``.
+    data : ndarray of float64, shape (N + 2,)
+        The field ``data``.
+
+    Returns
+    -------
+    Block
+        The checked block.
+
+    Raises
+    ------
+    MalformedBlockError
+        As `BlockCodec.decode`.
+
+    """
+    return _checked(label, size, stride, data_offset, np.asarray(data, dtype=np.float64))
+
+
+def _parse(raw: bytes) -> tuple[str, int, int, int, NDArray[np.float64]]:
+    """Read the CDR fields of a Float64MultiArray with one dimension."""
+    if raw[:2] not in (b'\x00\x01', b'\x00\x00'):
+        raise MalformedBlockError(f'CDR encapsulation is {raw[:4].hex()}, only plain CDR is read')
+    order = '<' if raw[1] == 1 else '>'
+    try:
+        dimensions, length = struct.unpack_from(order + 'II', raw, 4)
+        if dimensions != 1:
+            raise MalformedBlockError(f'layout.dim has {dimensions} entries, a block has exactly 1')
+        label = raw[12:12 + max(length - 1, 0)].decode('utf-8', 'replace')
+        position = 12 + length
+        position += -(position - 4) % 4
+        size, stride, offset, count = struct.unpack_from(order + '4I', raw, position)
+        position += 16
+        position += -(position - 4) % 8
+        data = np.frombuffer(raw, dtype=order + 'f8', count=count, offset=position)
+    except (struct.error, ValueError) as error:
+        if isinstance(error, MalformedBlockError):
+            raise
+        raise MalformedBlockError(f'message of {len(raw)} bytes ends early: {error}') from None
+    return label, size, stride, offset, data.astype(np.float64, copy=False)
+
+
+def _checked(
+    label: str, size: int, stride: int, data_offset: int, data: NDArray[np.float64],
+) -> Block:
+    if data_offset != _HEADER_SAMPLES:
+        raise MalformedBlockError(
+            f'layout.data_offset of {label!r} is {data_offset}, a block has {_HEADER_SAMPLES} '
+            '(index and sample period)')
+    if data.size != size + _HEADER_SAMPLES:
+        raise MalformedBlockError(
+            f'data of {label!r} holds {data.size} numbers, layout.dim[0].size {size} needs '
+            f'{size + _HEADER_SAMPLES}')
+    if stride != size:
+        raise MalformedBlockError(
+            f'layout.dim[0].stride of {label!r} is {stride}, it must equal the size {size}')
+    index, period = float(data[0]), float(data[1])
+    if not (0.0 <= index < _MAXIMUM_INDEX and index == int(index)):
+        raise MalformedBlockError(
+            f'index (data[0]) of {label!r} is {index}, allowed are integers in 0 … 2**53 - 1')
+    if not 0.0 < period < math.inf:
+        raise MalformedBlockError(
+            f'sample period (data[1]) of {label!r} is {period} s, it must be positive and finite')
+    samples = data[_HEADER_SAMPLES:]
+    finite = np.isfinite(samples)
+    if not finite.all():
+        first = int(np.argmin(finite))
+        raise MalformedBlockError(
+            f'sample {int(index) + first} of {label!r} is {samples[first]}, it must be finite')
+    return Block(int(index), period, tuple(samples.tolist()))
