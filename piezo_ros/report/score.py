@@ -1,0 +1,195 @@
+"""One run of a plan, scored over its last periods and laid beside the published number."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from piezo_ros.paper import HARMONICS, table_4
+from piezo_ros.report.metrics import nrmse, tail
+
+if TYPE_CHECKING:
+    from piezo_ros.bag import Run
+
+__all__ = ['ScoredRun', 'score']
+
+_MS_PER_S: Final = 1e3
+_PERCENT: Final = 100.0
+
+
+@dataclass(frozen=True)
+class ScoredRun:
+    """
+    What a report says of one run.
+
+    Attributes
+    ----------
+    scheme : str
+        ``'fb'``, ``'ff'``, ``'fbff'`` or ``'open_loop'``.
+    waveform : str
+        ``'triangle'``, ``'sine'``, …
+    amplitude_um, frequency_hz : float
+        Peak amplitude, micrometres, and fundamental frequency, hertz.
+    harmonics : int
+        Highest harmonic m of the feedforward, (13) in Liu 2015.
+    nrmse_percent, max_error_um : float
+        Tracking error of the scored window: NRMSE, percent of the peak-to-peak reference, and the
+        largest |y_d - y|, micrometres.
+    bag : str
+        Path of the bag, relative to the report's directory.
+    samples : int
+        Samples of the whole run.
+    wall_seconds : float
+        Wall time the run took, seconds.
+    paper_nrmse_percent : float or None
+        The published number (Table 4 in Liu 2015), None where the paper has none.
+    time_s, reference_um, displacement_um, voltage_v : ndarray, shape (n,)
+        The scored window; the time is that of the run.
+
+    """
+
+    scheme: str
+    waveform: str
+    amplitude_um: float
+    frequency_hz: float
+    harmonics: int
+    nrmse_percent: float
+    max_error_um: float
+    bag: str
+    samples: int
+    wall_seconds: float
+    paper_nrmse_percent: float | None
+    time_s: NDArray[np.float64] = field(repr=False, compare=False)
+    reference_um: NDArray[np.float64] = field(repr=False, compare=False)
+    displacement_um: NDArray[np.float64] = field(repr=False, compare=False)
+    voltage_v: NDArray[np.float64] = field(repr=False, compare=False)
+
+    @property
+    def error_um(self) -> NDArray[np.float64]:
+        """Tracking error y_d - y of the scored window, micrometres."""
+        return self.reference_um - self.displacement_um
+
+    @property
+    def window_ms(self) -> NDArray[np.float64]:
+        """Time since the first sample of the scored window, milliseconds."""
+        elapsed_s: NDArray[np.float64] = self.time_s - self.time_s[0]
+        return elapsed_s * _MS_PER_S
+
+    @property
+    def deviation_percent(self) -> float | None:
+        """How far the NRMSE lies above the published one, percent of it; None without one."""
+        if self.paper_nrmse_percent is None:
+            return None
+        return (self.nrmse_percent / self.paper_nrmse_percent - 1.0) * _PERCENT
+
+    @property
+    def samples_per_wall_second(self) -> float | None:
+        """Samples per second of wall time; None where no wall time was measured."""
+        if self.wall_seconds <= 0.0:
+            return None
+        return self.samples / self.wall_seconds
+
+    def record(self) -> dict[str, str | int | float]:
+        """
+        Return the run as the flat record of report.json.
+
+        Returns
+        -------
+        dict
+            Every scalar attribute under its own name; `paper_nrmse_percent` only where the paper
+            has the number.
+
+        """
+        record: dict[str, str | int | float] = {
+            'scheme': self.scheme,
+            'waveform': self.waveform,
+            'amplitude_um': self.amplitude_um,
+            'frequency_hz': self.frequency_hz,
+            'harmonics': self.harmonics,
+            'nrmse_percent': self.nrmse_percent,
+            'max_error_um': self.max_error_um,
+            'bag': self.bag,
+            'samples': self.samples,
+            'wall_seconds': self.wall_seconds,
+        }
+        if self.paper_nrmse_percent is not None:
+            record['paper_nrmse_percent'] = self.paper_nrmse_percent
+        return record
+
+
+def score(run: 'Run', *, periods: float = 4, bag: str, wall_seconds: float) -> ScoredRun:
+    """
+    Score the last periods of a run.
+
+    Parameters
+    ----------
+    run : piezo_ros.bag.Run
+        The run; its metadata says scheme, waveform, amplitude_um, frequency_hz and harmonics.
+    periods : float, optional
+        Periods of the fundamental to score: the last floor(periods * fs / f) samples.
+    bag : str
+        Path of the bag, relative to the report's directory.
+    wall_seconds : float
+        Wall time the run took, seconds; 0 when it was not measured.
+
+    Returns
+    -------
+    ScoredRun
+        The scored window and its figures.
+
+    Raises
+    ------
+    ValueError
+        If the metadata lacks a key or holds an unreadable value, if the run is shorter than the
+        window, if a sample is not finite, or if `wall_seconds` is negative or not finite.
+
+    """
+    if not (math.isfinite(wall_seconds) and wall_seconds >= 0):
+        raise ValueError(f'wall_seconds is {wall_seconds}, it must be finite and at least 0')
+    scheme, waveform = _entry(run.metadata, 'scheme'), _entry(run.metadata, 'waveform')
+    amplitude_um = _number(run.metadata, 'amplitude_um')
+    frequency_hz = _number(run.metadata, 'frequency_hz')
+    harmonics = _number(run.metadata, 'harmonics')
+    if harmonics != int(harmonics):
+        raise ValueError(f'harmonics of the run is {harmonics}, it must be an integer')
+    window = tail(run.samples, frequency_hz, run.sample_period_s, periods)
+    reference_um = np.asarray(run.reference_um, dtype=np.float64)[window]
+    displacement_um = np.asarray(run.displacement_um, dtype=np.float64)[window]
+    published = waveform == 'triangle' and harmonics == HARMONICS
+    return ScoredRun(
+        scheme=scheme,
+        waveform=waveform,
+        amplitude_um=amplitude_um,
+        frequency_hz=frequency_hz,
+        harmonics=int(harmonics),
+        nrmse_percent=nrmse(reference_um, displacement_um) * _PERCENT,
+        max_error_um=float(np.max(np.abs(reference_um - displacement_um))),
+        bag=bag,
+        samples=run.samples,
+        wall_seconds=float(wall_seconds),
+        paper_nrmse_percent=table_4(scheme, amplitude_um, frequency_hz) if published else None,
+        time_s=np.arange(window.start, window.stop) * run.sample_period_s,
+        reference_um=reference_um,
+        displacement_um=displacement_um,
+        voltage_v=np.asarray(run.voltage_v, dtype=np.float64)[window])
+
+
+def _entry(metadata: Mapping[str, str], key: str) -> str:
+    if key not in metadata:
+        raise ValueError(
+            f'the metadata of the run lacks {key!r}, it has {", ".join(sorted(metadata)) or "none"}')
+    return metadata[key]
+
+
+def _number(metadata: Mapping[str, str], key: str) -> float:
+    text = _entry(metadata, key)
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise ValueError(f'{key} of the run is {text!r}, it must be a finite number')
+    return value
