@@ -1,0 +1,121 @@
+"""Build of piezo_ros for colcon (ament_python) and for pip; all metadata lives here."""
+
+import sys
+from pathlib import Path
+
+from setuptools import find_packages, setup
+
+PACKAGE = 'piezo_ros'
+HERE = Path(__file__).resolve().parent
+NODES = ('plant', 'compensator', 'controller', 'trajectory', 'recorder', 'loop')
+EXECUTABLES = (*NODES, 'piezo')
+
+# The ROS 2 Kilted wheels; only the patch number may move, so that no other distribution mixes in.
+ROS_WHEELS = [
+    'ros-rclpy~=9.1.0',
+    # rclpy does not pull a middleware in.
+    'ros-rmw-fastrtps-cpp~=9.3.0',
+    'ros-diagnostic-msgs~=5.5.0',
+    'ros-std-msgs~=5.5.0',
+    'ros-std-srvs~=5.5.0',
+    'ros-lifecycle-msgs~=2.3.0',
+    'ros-rcl-interfaces~=2.3.0',
+    'ros-rosgraph-msgs~=2.3.0',
+]
+
+# `ros2 run` looks for executables in lib/<package>, pip puts them into bin.
+WRAPPER = """\
+#!/bin/sh
+exec "$(dirname "$(readlink -f "$0")")/../../bin/{executable}" "$@"
+"""
+
+
+def files_below(folder: str) -> list[tuple[str, list[str]]]:
+    """Return the data_files entries that install a source folder into the package's share."""
+    entries: dict[str, list[str]] = {}
+    for path in sorted((HERE / folder).rglob('*')):
+        if path.is_file() and '__pycache__' not in path.parts:
+            source = path.relative_to(HERE)
+            entries.setdefault(f'share/{PACKAGE}/{source.parent}', []).append(str(source))
+    return list(entries.items())
+
+
+def wrappers() -> list[tuple[str, list[str]]]:
+    """Write one shell wrapper per executable and return the data_files entry of all of them."""
+    folder = Path('build', 'wrappers')
+    (HERE / folder).mkdir(parents=True, exist_ok=True)
+    for executable in EXECUTABLES:
+        wrapper = HERE / folder / executable
+        wrapper.write_text(WRAPPER.format(executable=executable))
+        wrapper.chmod(0o755)
+    return [(f'lib/{PACKAGE}', [str(folder / executable) for executable in EXECUTABLES])]
+
+
+data_files = [
+    ('share/ament_index/resource_index/packages', [f'resource/{PACKAGE}']),
+    (f'share/{PACKAGE}', ['package.xml']),
+    *files_below('config'),
+    *files_below('launch'),
+]
+if 'bdist_wheel' in sys.argv:
+    # colcon installs real executables into lib/<package> and must not find wrappers there.
+    data_files += wrappers()
+
+setup(
+    name=PACKAGE,
+    version='0.1.0',
+    description=(
+        'Feedback/feedforward control of a hysteresis-compensated piezoelectric actuator '
+        'as lockstep ROS 2 nodes'),
+    maintainer='piezo_ros maintainers',
+    maintainer_email='maintainers@example.com',
+    license='Apache-2.0',
+    python_requires='>=3.10',
+    packages=find_packages(include=[PACKAGE, f'{PACKAGE}.*']),
+    # Named one by one: the caches that numba leaves beside the modules are of this machine alone.
+    include_package_data=False,
+    package_data={
+        PACKAGE: ['py.typed'],
+        f'{PACKAGE}.report': ['*.html', '*.css', '*.svg', '*/*.html', '*/*.css', '*/*.svg'],
+    },
+    data_files=data_files,
+    zip_safe=False,
+    install_requires=[
+        'control>=0.10',
+        'lz4>=4',
+        'matplotlib>=3.8',
+        'mcap>=1.2',
+        'numba>=0.60',
+        'numpy>=1.26',
+        'pyyaml>=6',
+        'scipy>=1.11',
+        'zstandard>=0.22',
+    ],
+    extras_require={
+        'ros': ROS_WHEELS,
+        'test': [
+            'catkin_pkg',
+            'colcon-common-extensions',
+            'hypothesis>=6.100',
+            'import-linter>=2',
+            'mcap-ros2-support>=0.5',
+            'mypy>=1.13',
+            # pytest 9 breaks launch_testing's plug-in where a sourced ROS brings it in.
+            'pytest>=7.4,<9',
+            'pytest-timeout>=2.2',
+            'pytest-xdist>=3.5',
+            'rosbags>=0.10',
+            'ruff>=0.9',
+            'scipy-stubs',
+            # From 80 on, colcon build --symlink-install copies in place of linking.
+            'setuptools>=65,<80',
+            'types-PyYAML',
+        ],
+    },
+    entry_points={
+        'console_scripts': [
+            *(f'{node} = {PACKAGE}.nodes.executables:{node}' for node in NODES),
+            f'piezo = {PACKAGE}.cli.main:main',
+        ],
+    },
+)
