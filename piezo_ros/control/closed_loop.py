@@ -1,0 +1,79 @@
+"""
+The four stages closed into a loop offline: the same steps as in the nodes, in the same order.
+
+    y[0];  v[k] = controller(y_d[k], u_ff[k], y[k]);  u[k] = inverse(v[k]);  y[k+1] = rig(u[k])
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from piezo_ros.control.controller import (
+    ControllerParameters,
+    controller_constants,
+)
+from piezo_ros.control.controller import initial_state as initial_controller_state
+from piezo_ros.control.trajectory import TrajectoryParameters, trajectory_constants
+from piezo_ros.model.hysteresis import HysteresisParameters, hysteresis_constants
+from piezo_ros.model.noise import unit_noise
+from piezo_ros.model.rig import RigParameters, as_arrays, rig_constants
+from piezo_ros.model.rig import initial_state as initial_rig_state
+
+__all__ = ['ClosedLoopRun', 'simulate']
+
+
+class ClosedLoopRun(NamedTuple):
+    """Every stream of a run; displacement has one sample more than the others."""
+
+    reference_um: NDArray[np.float64]  # (N,)
+    feedforward_um: NDArray[np.float64]  # (N,)
+    command_um: NDArray[np.float64]  # (N,)
+    voltage_v: NDArray[np.float64]  # (N,)
+    displacement_um: NDArray[np.float64]  # (N + 1,)
+
+
+def simulate(
+    plant: RigParameters,
+    compensator: HysteresisParameters,
+    controller: ControllerParameters,
+    trajectory: TrajectoryParameters,
+) -> ClosedLoopRun:
+    """
+    Run the whole loop offline; bit for bit what the live graph gives.
+
+    Parameters
+    ----------
+    plant : RigParameters
+        The rig.
+    compensator : HysteresisParameters
+        The hysteresis that the compensator inverts.
+    controller : ControllerParameters
+        Gains and scheme.
+    trajectory : TrajectoryParameters
+        The desired trajectory; its length is that of the run.
+
+    Returns
+    -------
+    ClosedLoopRun
+        Every stream of the run.
+
+    """
+    from piezo_ros.control.kernels import closed_loop
+    period_s = trajectory.sample_period_s
+    samples = trajectory.samples
+    run = ClosedLoopRun(
+        np.empty(samples), np.empty(samples), np.empty(samples), np.empty(samples),
+        np.empty(samples + 1))
+    rig = rig_constants(plant, period_s)
+    closed_loop(
+        as_arrays(trajectory_constants(trajectory)),
+        initial_controller_state(controller, np.array),
+        as_arrays(controller_constants(controller, period_s)),
+        np.zeros(len(compensator.saturation_v)),
+        as_arrays(hysteresis_constants(compensator)),
+        initial_rig_state(rig, np.array),
+        as_arrays(rig),
+        unit_noise(plant.seed, 0, samples + 1),
+        run)
+    return run

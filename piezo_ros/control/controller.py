@@ -1,0 +1,174 @@
+"""
+The controller: PI with anti-windup, and the schemes fb, ff, fbff and open_loop.
+
+    fb: v = K e      ff: v = u_ff      fbff: v = K e + u_ff      open_loop: v = y_d
+
+K(s) = kP + kI/s, (8) in Liu 2015, with the backward rectangle rule for the integral; e is formed
+with a measurement that is ``measurement_delay_samples`` old.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+from piezo_ros import paper
+from piezo_ros.model.parameters import ParameterError, ParameterSet, parameter
+from piezo_ros.model.step import Vector, step
+
+__all__ = [
+    'ANTI_WINDUP',
+    'SCHEMES',
+    'ControllerConstants',
+    'ControllerParameters',
+    'ControllerState',
+    'controller_constants',
+    'controller_step',
+    'initial_state',
+    'prepare_transfer',
+]
+
+SCHEMES = ('fb', 'ff', 'fbff', 'open_loop')
+ANTI_WINDUP = ('clamping', 'back_calculation', 'none')
+CLAMPING, BACK_CALCULATION, NONE = range(3)
+_INTEGRAL_UM, _LAST_COMMAND_UM, _TRANSFER = range(3)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ControllerParameters(ParameterSet):
+    """Gains and scheme, Table 2 in Liu 2015 by default."""
+
+    scheme: str = parameter('fbff', '', 'control scheme', choices=SCHEMES)
+    proportional_gain: float = parameter(
+        paper.TABLE_2['proportional_gain'], 'um/um', 'kP', minimum=0.0, maximum=1e6)
+    integral_gain_per_s: float = parameter(
+        paper.TABLE_2['integral_gain_per_s'], '1/s', 'kI', minimum=0.0, maximum=1e9)
+    measurement_delay_samples: int = parameter(
+        1, 'samples', 'age d of the measurement in e[k] = y_d[k] - y[k-d]: conversion, computing',
+        minimum=0, maximum=1000)
+    command_minimum_um: float = parameter(
+        -8.0, 'um', 'lowest command', minimum=-1e4, maximum=0.0)
+    command_maximum_um: float = parameter(
+        8.0, 'um', 'highest command', minimum=0.0, maximum=1e4)
+    anti_windup: str = parameter(
+        'clamping', '', 'what the integral does while the command is at a limit',
+        choices=ANTI_WINDUP)
+    bumpless_start: bool = parameter(
+        True, '', 'preset the integral so that the first command continues the one before')
+
+    def check_together(self) -> None:
+        """Refuse limits that leave no room."""
+        if self.command_minimum_um >= self.command_maximum_um:
+            raise ParameterError(
+                f'command_minimum_um is {self.command_minimum_um} um, it must be below '
+                f'command_maximum_um {self.command_maximum_um} um')
+
+    @property
+    def uses_feedback(self) -> bool:
+        """Whether the scheme closes the loop."""
+        return self.scheme in ('fb', 'fbff')
+
+    @property
+    def uses_feedforward(self) -> bool:
+        """Whether the scheme adds the feedforward."""
+        return self.scheme in ('ff', 'fbff')
+
+
+class ControllerConstants(NamedTuple):
+    """What the step needs of the parameters."""
+
+    uses_feedback: bool
+    uses_feedforward: bool
+    proportional_gain: float
+    integral_gain: float  # kI Ts
+    minimum_um: float
+    maximum_um: float
+    anti_windup: int
+
+
+class ControllerState(NamedTuple):
+    """Everything the controller remembers; lists in a node, arrays in a kernel."""
+
+    memory: Vector  # (3,) integral, last command, whether a bumpless transfer is due
+    measured_um: Vector  # (d + 1,) the last measurements, by index modulo d + 1
+
+
+def controller_constants(
+    parameters: ControllerParameters, sample_period_s: float,
+) -> ControllerConstants:
+    """Return the constants of the step."""
+    p = parameters
+    return ControllerConstants(
+        p.uses_feedback, p.uses_feedforward, p.proportional_gain,
+        p.integral_gain_per_s * sample_period_s, p.command_minimum_um, p.command_maximum_um,
+        ANTI_WINDUP.index(p.anti_windup))
+
+
+def initial_state(
+    parameters: ControllerParameters, vector: Callable[[list[float]], Any] = list,
+) -> ControllerState:
+    """
+    Return the state before the first sample: no integral, last command zero.
+
+    Parameters
+    ----------
+    parameters : ControllerParameters
+        The controller.
+    vector : callable, optional
+        Makes the vectors: ``list`` for a node, ``numpy.array`` for a kernel.
+
+    """
+    due = 1.0 if parameters.bumpless_start else 0.0
+    return ControllerState(
+        vector([0.0, 0.0, due]), vector([0.0] * (parameters.measurement_delay_samples + 1)))
+
+
+def prepare_transfer(state: ControllerState) -> None:
+    """Make the next sample continue the last command, whatever gains and scheme it will have."""
+    state.memory[_TRANSFER] = 1.0
+
+
+@step
+def controller_step(
+    state: ControllerState, constants: ControllerConstants, index: int, reference_um: float,
+    feedforward_um: float, displacement_um: float,
+) -> float:
+    """Return the command of one sample, micrometres; ``index`` counts from the start of the run."""
+    measured = state.measured_um
+    if index == 0:
+        # Before the first sample the stage was where it is now.
+        for i in range(len(measured)):
+            measured[i] = displacement_um
+    slots = len(measured)
+    measured[index % slots] = displacement_um
+    memory = state.memory
+    base_um = 0.0
+    if constants.uses_feedforward:
+        base_um = feedforward_um
+    elif not constants.uses_feedback:
+        base_um = reference_um
+    if constants.uses_feedback:
+        error_um = reference_um - measured[(index + 1) % slots]
+        base_um += constants.proportional_gain * error_um
+        if memory[_TRANSFER] > 0.0:
+            integral_um = memory[_LAST_COMMAND_UM] - base_um
+        else:
+            integral_um = memory[_INTEGRAL_UM] + constants.integral_gain * error_um
+        wanted_um = base_um + integral_um
+    else:
+        error_um = 0.0
+        integral_um = 0.0
+        wanted_um = base_um
+    memory[_TRANSFER] = 0.0
+    command_um = wanted_um
+    if wanted_um > constants.maximum_um:
+        command_um = constants.maximum_um
+    elif wanted_um < constants.minimum_um:
+        command_um = constants.minimum_um
+    if command_um != wanted_um:
+        if constants.anti_windup == BACK_CALCULATION:
+            integral_um += command_um - wanted_um
+        elif constants.anti_windup == CLAMPING and error_um * (wanted_um - command_um) > 0.0:
+            integral_um = memory[_INTEGRAL_UM]
+    memory[_INTEGRAL_UM] = integral_um
+    memory[_LAST_COMMAND_UM] = command_um
+    return command_um

@@ -1,0 +1,133 @@
+"""
+The truncated Fourier feedforward, (12) and (13) in Liu 2015.
+
+Each harmonic of the desired trajectory is divided by the response of the model at its frequency;
+the plain inverse of G(s) would be unstable, its zeros being in the right half plane.
+"""
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from piezo_ros.control.waveform import TURN_RAD, WaveformParameters
+from piezo_ros.model.dynamics import LinearDynamics
+from piezo_ros.model.parameters import ParameterError
+from piezo_ros.model.step import step
+
+__all__ = [
+    'FeedforwardConstants',
+    'feedforward_constants',
+    'feedforward_step',
+    'fourier_amplitudes',
+]
+
+
+class FeedforwardConstants(NamedTuple):
+    """
+    The odd harmonics U_k = A_k/G(i w_k), k = 1, 3, 5 …; lists in a node, arrays in a kernel.
+
+    Without harmonics (no Fourier series) the feedforward is the reference times ``dc_inverse``.
+    """
+
+    real_um: Any  # (ceil(m / 2),)
+    imaginary_um: Any  # (ceil(m / 2),)
+    dc_inverse: float
+
+
+def fourier_amplitudes(
+    waveform: str, amplitude_um: float, harmonics: int,
+) -> NDArray[np.float64]:
+    """
+    Return the sine coefficients A_k of a waveform, k = 1 … harmonics, (11) in Liu 2015.
+
+    Parameters
+    ----------
+    waveform : str
+        ``'triangle'`` or ``'sine'``.
+    amplitude_um : float
+        Peak amplitude, micrometres.
+    harmonics : int
+        Highest harmonic m.
+
+    Returns
+    -------
+    ndarray, shape (harmonics,)
+        ``A_k``, micrometres; the even ones are zero.
+
+    Raises
+    ------
+    ParameterError
+        If the waveform has no Fourier series here.
+
+    """
+    k = np.arange(1, harmonics + 1)
+    if waveform == 'triangle':
+        # sin(k pi/2) is 0, 1, 0, -1 exactly, not to rounding.
+        signs = np.array([0.0, 1.0, 0.0, -1.0])[k % 4]
+        return amplitude_um * 8.0 / (k * np.pi) ** 2 * signs
+    if waveform == 'sine':
+        return np.where(k == 1, amplitude_um, 0.0)
+    raise ParameterError(f'waveform {waveform!r} is not periodic, harmonics must be 0')
+
+
+def feedforward_constants(
+    waveform: WaveformParameters, harmonics: int, model: LinearDynamics,
+) -> FeedforwardConstants:
+    """
+    Return the constants of the feedforward, as lists.
+
+    Parameters
+    ----------
+    waveform : WaveformParameters
+        The desired trajectory.
+    harmonics : int
+        Highest harmonic m of the feedforward; 0: the reference over the model's dc gain.
+    model : LinearDynamics
+        The model that is inverted.
+
+    Raises
+    ------
+    ParameterError
+        If the highest odd harmonic is not below the Nyquist frequency, or the waveform has no
+        Fourier series.
+
+    """
+    dc_inverse = 1.0 / model.parameters.dc_gain
+    if harmonics == 0:
+        return FeedforwardConstants([], [], dc_inverse)
+    odd = np.arange(1, harmonics + 1, 2)
+    nyquist_hz = 0.5 / waveform.sample_period_s
+    highest_hz = float(odd[-1]) * waveform.frequency_hz
+    if highest_hz >= nyquist_hz:
+        raise ParameterError(
+            f'harmonics is {harmonics}: harmonic {odd[-1]} of {waveform.frequency_hz:g} Hz is at '
+            f'{highest_hz:g} Hz, it must be below the Nyquist frequency {nyquist_hz:g} Hz')
+    amplitudes = fourier_amplitudes(waveform.waveform, waveform.amplitude_um, harmonics)
+    u = amplitudes[odd - 1] / model.response(odd * waveform.frequency_hz)
+    return FeedforwardConstants(u.real.tolist(), u.imag.tolist(), dc_inverse)
+
+
+@step
+def feedforward_step(constants: FeedforwardConstants, turns: float, reference_um: float) -> float:
+    """
+    Return u_ff of (13) without its soft start: Im(sum over odd k of U_k z^k), z = exp(i w t).
+
+    Horner's scheme in z^2 needs one sine and one cosine for all harmonics.
+    """
+    harmonics = len(constants.real_um)
+    if harmonics == 0:
+        return constants.dc_inverse * reference_um
+    angle_rad = TURN_RAD * (turns - math.floor(turns))
+    cosine = math.cos(angle_rad)
+    sine = math.sin(angle_rad)
+    square_real = cosine * cosine - sine * sine
+    square_imaginary = 2.0 * cosine * sine
+    real = 0.0
+    imaginary = 0.0
+    for j in range(harmonics - 1, -1, -1):
+        carried = real * square_real - imaginary * square_imaginary + constants.real_um[j]
+        imaginary = real * square_imaginary + imaginary * square_real + constants.imaginary_um[j]
+        real = carried
+    return real * sine + imaginary * cosine

@@ -1,0 +1,41 @@
+"""Compiled array kernels of the control tier: trajectories and whole closed-loop runs."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from piezo_ros.control import controller, trajectory
+from piezo_ros.model import hysteresis, rig
+from piezo_ros.model.compiled import kernel
+
+__all__ = ['closed_loop']
+
+_controller_step = controller.controller_step
+_inverse_step = hysteresis.inverse_step
+_measure_step = rig.measure_step
+_rig_step = rig.rig_step
+_trajectory_step = trajectory.trajectory_step
+
+
+@kernel
+def closed_loop(
+    trajectory_constants: Any, controller_state: Any, controller_constants: Any,
+    compensator_play_um: NDArray[np.float64], compensator_constants: Any,
+    rig_state: Any, rig_constants: Any, noise: NDArray[np.float64], run: Any,
+) -> None:
+    """Fill the streams of ``run``; the states move on to the end of the run."""
+    measured_um = _measure_step(rig_constants, rig_state.displacement_um[0], noise[0])
+    run.displacement_um[0] = measured_um
+    for k in range(run.reference_um.size):
+        reference_um, feedforward_um = _trajectory_step(trajectory_constants, k)
+        command_um = _controller_step(
+            controller_state, controller_constants, k, reference_um, feedforward_um, measured_um)
+        voltage_v = _inverse_step(compensator_play_um, compensator_constants, command_um)
+        true_um = _rig_step(rig_state, rig_constants, voltage_v)
+        measured_um = _measure_step(rig_constants, true_um, noise[k + 1])
+        run.reference_um[k] = reference_um
+        run.feedforward_um[k] = feedforward_um
+        run.command_um[k] = command_um
+        run.voltage_v[k] = voltage_v
+        run.displacement_um[k + 1] = measured_um

@@ -1,0 +1,69 @@
+"""The trajectory generator: reference and feedforward of every sample of a run."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from piezo_ros.control.feedforward import (
+    FeedforwardConstants,
+    feedforward_constants,
+    feedforward_step,
+)
+from piezo_ros.control.waveform import (
+    WaveformConstants,
+    WaveformParameters,
+    ramp_step,
+    reference_step,
+    turns_step,
+    waveform_constants,
+)
+from piezo_ros.model.dynamics import DynamicsParameters, LinearDynamics
+from piezo_ros.model.parameters import parameter
+from piezo_ros.model.step import step
+
+__all__ = [
+    'TrajectoryConstants',
+    'TrajectoryParameters',
+    'trajectory_constants',
+    'trajectory_step',
+]
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrajectoryParameters(WaveformParameters, DynamicsParameters):
+    """The desired trajectory and the model that its feedforward inverts."""
+
+    harmonics: int = parameter(
+        9, '', 'highest harmonic m of the feedforward (13); 0: the reference over the dc gain',
+        minimum=0, maximum=9999)
+
+    def check_together(self) -> None:
+        """Refuse harmonics that the waveform or the sampling does not have."""
+        super().check_together()
+        feedforward_constants(self, self.harmonics, LinearDynamics(self))
+
+
+class TrajectoryConstants(NamedTuple):
+    """What the step needs of the parameters; lists in a node, arrays in a kernel."""
+
+    waveform: WaveformConstants
+    feedforward: FeedforwardConstants
+
+
+def trajectory_constants(parameters: TrajectoryParameters) -> TrajectoryConstants:
+    """Return the constants of the step as lists."""
+    return TrajectoryConstants(
+        waveform_constants(parameters),
+        feedforward_constants(parameters, parameters.harmonics, LinearDynamics(parameters)))
+
+
+@step
+def trajectory_step(constants: TrajectoryConstants, index: int) -> tuple[float, float]:
+    """Return reference and feedforward of one sample, micrometres."""
+    waveform = constants.waveform
+    turns = turns_step(waveform, index)
+    reference_um = reference_step(waveform, turns)
+    feedforward = constants.feedforward
+    feedforward_um = feedforward_step(feedforward, turns, reference_um)
+    if len(feedforward.real_um) > 0:
+        feedforward_um *= ramp_step(waveform, turns)
+    return reference_um, feedforward_um

@@ -1,0 +1,52 @@
+"""Data converters: a range and a step, as of a D/A or A/D card."""
+
+import math
+from typing import NamedTuple
+
+from piezo_ros.model.step import step
+
+__all__ = ['ConverterConstants', 'convert_step', 'converter_constants']
+
+
+class ConverterConstants(NamedTuple):
+    """Range and resolution of a converter, in the unit of the quantity and absolute."""
+
+    minimum: float
+    maximum: float
+    resolution: float  # 0 for an ideal converter
+    operating_point: float
+
+
+def converter_constants(
+    minimum: float, maximum: float, span: float, bits: int, operating_point: float,
+) -> ConverterConstants:
+    """
+    Return the constants of a converter.
+
+    Parameters
+    ----------
+    minimum, maximum : float
+        Absolute range that is let through.
+    span : float
+        Range of the converter, which its steps divide.
+    bits : int
+        Resolution; 0 for an ideal converter.
+    operating_point : float
+        Absolute value of zero deviation.
+
+    """
+    resolution = span / 2.0**bits if bits else 0.0
+    return ConverterConstants(minimum, maximum, resolution, operating_point)
+
+
+@step
+def convert_step(constants: ConverterConstants, deviation: float) -> float:
+    """Return the deviation that comes out of the converter: clipped, then to the nearest step."""
+    value = deviation + constants.operating_point
+    if value < constants.minimum:
+        value = constants.minimum
+    elif value > constants.maximum:
+        value = constants.maximum
+    if constants.resolution > 0.0:
+        value = math.floor(value / constants.resolution + 0.5) * constants.resolution
+    return value - constants.operating_point

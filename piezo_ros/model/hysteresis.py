@@ -1,0 +1,256 @@
+"""
+The Maxwell resistive capacitor (MRC) hysteresis operator and its exact inverse.
+
+Every voltage-limited element is kept by its *play* value r_i, the displacement around which it is
+at rest: u_i = (x - r_i)/kappa_i with \\|x - r_i\\| <= w_i = kappa_i u_S,i. A saturated element drags
+its play along (r_i = x -/+ w_i), every other one leaves it alone. This is (1) to (4) in Liu 2015
+without the increments, so nothing is ever accumulated and no rounding builds up, however long the
+input.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from piezo_ros import paper
+from piezo_ros.model.parameters import ParameterError, ParameterSet, parameter
+from piezo_ros.model.step import Vector, step
+
+__all__ = [
+    'HysteresisConstants',
+    'HysteresisParameters',
+    'MaxwellResistiveCapacitor',
+    'forward_step',
+    'hysteresis_constants',
+    'inverse_step',
+]
+
+
+@dataclass(frozen=True, kw_only=True)
+class HysteresisParameters(ParameterSet):
+    """The elements of the MRC model, Table 1 in Liu 2015."""
+
+    kappa_um_per_v: tuple[float, ...] = parameter(
+        paper.KAPPA_UM_PER_V, 'um/V',
+        'compliance kappa_i of the n voltage-limited elements and, last, of the unlimited one',
+        minimum=1e-6, maximum=1e9)
+    saturation_v: tuple[float, ...] = parameter(
+        paper.SATURATION_V, 'V', 'saturation voltage u_S,i of the n voltage-limited elements',
+        minimum=0.0, maximum=1e3)
+
+    def check_together(self) -> None:
+        """Refuse lists whose lengths do not belong together."""
+        limited, all_elements = len(self.saturation_v), len(self.kappa_um_per_v)
+        if all_elements != limited + 1:
+            raise ParameterError(
+                f'kappa_um_per_v has {all_elements} values and saturation_v {limited}; there must '
+                'be one kappa more than saturation voltages (the last one is the unlimited element)')
+
+
+class HysteresisConstants(NamedTuple):
+    """What the steps need of the parameters; lists in a node, arrays in a kernel."""
+
+    slope_v_per_um: Any  # (n,) 1/kappa_i
+    width_um: Any  # (n,) half width w_i = kappa_i u_S,i of the play
+    saturation_v: Any  # (n,) u_S,i
+    unlimited_v_per_um: float  # 1/kappa_{n+1}
+    total_v_per_um: float  # sum over all n + 1 elements
+
+
+def hysteresis_constants(parameters: HysteresisParameters) -> HysteresisConstants:
+    """Return the constants of the steps as lists."""
+    *limited, unlimited = parameters.kappa_um_per_v
+    slope = [1.0 / kappa for kappa in limited]
+    total = 1.0 / unlimited
+    for value in slope:
+        total += value
+    width = [kappa * limit for kappa, limit in zip(limited, parameters.saturation_v, strict=True)]
+    return HysteresisConstants(slope, width, list(parameters.saturation_v), 1.0 / unlimited, total)
+
+
+@step
+def inverse_step(play_um: Vector, constants: HysteresisConstants, displacement_um: float) -> float:
+    """Move the plays to a displacement and return its voltage (explicit inverse model)."""
+    held_v = 0.0
+    slope_v_per_um = constants.slope_v_per_um
+    width_um = constants.width_um
+    for i in range(len(width_um)):
+        play = play_um[i]
+        width = width_um[i]
+        if displacement_um - play > width:
+            play = displacement_um - width
+            play_um[i] = play
+        elif play - displacement_um > width:
+            play = displacement_um + width
+            play_um[i] = play
+        held_v += slope_v_per_um[i] * play
+    return constants.total_v_per_um * displacement_um - held_v
+
+
+@step
+def forward_step(play_um: Vector, constants: HysteresisConstants, voltage_v: float) -> float:
+    """
+    Move the plays to a voltage and return its displacement (exact solution).
+
+    The voltage is a monotone, piecewise linear function of the displacement, concave upwards of the
+    present point and convex downwards, steepest where no element is saturated. Newton's method
+    started on that steepest piece therefore never overshoots, the set of saturated elements only
+    grows, and the last linear piece is solved exactly: at most n + 1 solutions, mostly two.
+    """
+    slope_v_per_um = constants.slope_v_per_um
+    width_um = constants.width_um
+    saturation_v = constants.saturation_v
+    elements = len(width_um)
+    level_v = voltage_v
+    for i in range(elements):
+        level_v += slope_v_per_um[i] * play_um[i]
+    displacement_um = level_v / constants.total_v_per_um
+    saturated = 0
+    for _ in range(elements + 1):
+        count = 0
+        level_v = voltage_v
+        stiffness_v_per_um = constants.unlimited_v_per_um
+        for i in range(elements):
+            play = play_um[i]
+            width = width_um[i]
+            if displacement_um - play > width:
+                level_v -= saturation_v[i]
+                count += 1
+            elif play - displacement_um > width:
+                level_v += saturation_v[i]
+                count += 1
+            else:
+                slope = slope_v_per_um[i]
+                level_v += slope * play
+                stiffness_v_per_um += slope
+        if count == saturated:
+            break
+        saturated = count
+        displacement_um = level_v / stiffness_v_per_um
+    for i in range(elements):
+        play = play_um[i]
+        width = width_um[i]
+        if displacement_um - play > width:
+            play_um[i] = displacement_um - width
+        elif play - displacement_um > width:
+            play_um[i] = displacement_um + width
+    return displacement_um
+
+
+class MaxwellResistiveCapacitor:
+    """
+    The MRC operator: voltage to displacement, and back.
+
+    Parameters
+    ----------
+    kappa_um_per_v : sequence of float, shape (n + 1,)
+        Compliances of the elements, the last one unlimited; Table 1 in Liu 2015 by default.
+    saturation_v : sequence of float, shape (n,)
+        Saturation voltages of the limited elements.
+
+    Raises
+    ------
+    ParameterError
+        If the lengths do not belong together or a value is out of range.
+
+    """
+
+    def __init__(
+        self,
+        kappa_um_per_v: Sequence[float] = paper.KAPPA_UM_PER_V,
+        saturation_v: Sequence[float] = paper.SATURATION_V,
+    ) -> None:
+        self.parameters = HysteresisParameters(
+            kappa_um_per_v=tuple(kappa_um_per_v), saturation_v=tuple(saturation_v))
+        constants = hysteresis_constants(self.parameters)
+        self._constants = constants._replace(
+            slope_v_per_um=np.array(constants.slope_v_per_um, dtype=np.float64),
+            width_um=np.array(constants.width_um, dtype=np.float64),
+            saturation_v=np.array(constants.saturation_v, dtype=np.float64))
+
+    def virgin_state(self) -> NDArray[np.float64]:
+        """Return the play values of the never driven operator, shape (n,), micrometres."""
+        return np.zeros(len(self.parameters.saturation_v))
+
+    def forward(
+        self, voltage_v: ArrayLike, state: NDArray[np.float64] | None = None,
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """
+        Return the displacement that a voltage causes, (1) to (4) in Liu 2015.
+
+        Parameters
+        ----------
+        voltage_v : array_like, shape (N,)
+            Voltages, in order of time.
+        state : ndarray, shape (n,), optional
+            Play values before the first sample, micrometres; the virgin state by default. It is
+            not changed.
+
+        Returns
+        -------
+        displacement_um : ndarray, shape (N,)
+            Displacements.
+        state : ndarray, shape (n,)
+            Play values after the last sample.
+
+        Raises
+        ------
+        ValueError
+            If a voltage is not finite, or a shape is wrong.
+
+        """
+        from piezo_ros.model.kernels import forward_array
+        return self._run(forward_array, 'voltage_v', voltage_v, state)
+
+    def inverse(
+        self, displacement_um: ArrayLike, state: NDArray[np.float64] | None = None,
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """
+        Return the voltage that causes a displacement: the inverse model, section 2 of Liu 2015.
+
+        Parameters
+        ----------
+        displacement_um : array_like, shape (N,)
+            Displacements, in order of time.
+        state : ndarray, shape (n,), optional
+            Play values before the first sample, micrometres; the virgin state by default. It is
+            not changed.
+
+        Returns
+        -------
+        voltage_v : ndarray, shape (N,)
+            Voltages.
+        state : ndarray, shape (n,)
+            Play values after the last sample.
+
+        Raises
+        ------
+        ValueError
+            If a displacement is not finite, or a shape is wrong.
+
+        """
+        from piezo_ros.model.kernels import inverse_array
+        return self._run(inverse_array, 'displacement_um', displacement_um, state)
+
+    def _run(
+        self, array_kernel: Any, name: str, values: ArrayLike, state: NDArray[np.float64] | None,
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        inputs = np.ascontiguousarray(values, dtype=np.float64)
+        if inputs.ndim != 1:
+            raise ValueError(f'{name} has shape {inputs.shape}, it must be one-dimensional')
+        finite = np.isfinite(inputs)
+        if not finite.all():
+            first = int(np.argmin(finite))
+            raise ValueError(f'{name}[{first}] is {inputs[first]}, it must be finite')
+        play = self.virgin_state() if state is None else np.array(state, dtype=np.float64)
+        if play.shape != self._constants.width_um.shape:
+            raise ValueError(
+                f'state has shape {play.shape}, it must be {self._constants.width_um.shape}')
+        if not np.isfinite(play).all():
+            raise ValueError(f'state is {play}, every value must be finite')
+        outputs = np.empty_like(inputs)
+        array_kernel(play, self._constants, inputs, outputs)
+        return outputs, play

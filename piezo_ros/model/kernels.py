@@ -1,0 +1,47 @@
+"""Compiled array kernels of the model: the shared steps over whole arrays."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from piezo_ros.model import hysteresis, rig
+from piezo_ros.model.compiled import kernel
+
+__all__ = ['forward_array', 'inverse_array', 'rig_array']
+
+_forward_step = hysteresis.forward_step
+_inverse_step = hysteresis.inverse_step
+_measure_step = rig.measure_step
+_rig_step = rig.rig_step
+
+
+@kernel
+def forward_array(
+    play_um: NDArray[np.float64], constants: Any, voltage_v: NDArray[np.float64],
+    displacement_um: NDArray[np.float64],
+) -> None:
+    """Fill ``displacement_um`` and leave the last plays in ``play_um``."""
+    for k in range(voltage_v.size):
+        displacement_um[k] = _forward_step(play_um, constants, voltage_v[k])
+
+
+@kernel
+def inverse_array(
+    play_um: NDArray[np.float64], constants: Any, displacement_um: NDArray[np.float64],
+    voltage_v: NDArray[np.float64],
+) -> None:
+    """Fill ``voltage_v`` and leave the last plays in ``play_um``."""
+    for k in range(displacement_um.size):
+        voltage_v[k] = _inverse_step(play_um, constants, displacement_um[k])
+
+
+@kernel
+def rig_array(
+    state: Any, constants: Any, voltage_v: NDArray[np.float64], noise: NDArray[np.float64],
+    displacement_um: NDArray[np.float64],
+) -> None:
+    """Fill ``displacement_um`` with the readings and move the state on."""
+    for k in range(voltage_v.size):
+        true_um = _rig_step(state, constants, voltage_v[k])
+        displacement_um[k] = _measure_step(constants, true_um, noise[k])

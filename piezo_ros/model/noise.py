@@ -1,0 +1,62 @@
+"""
+Measurement noise as a function of the seed and the sample's index alone.
+
+A counter-based generator (Philox) starts afresh at every 4096th index, so that a sample has the
+same noise whether it is asked for live, one by one, or offline, all at once.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ['NoiseSource', 'unit_noise']
+
+_CHUNK = 4096
+
+
+def _chunk(seed: int, number: int) -> NDArray[np.float64]:
+    generator = np.random.Generator(np.random.Philox(key=seed, counter=[0, number, 0, 0]))
+    return generator.standard_normal(_CHUNK)
+
+
+def unit_noise(seed: int, start: int, count: int) -> NDArray[np.float64]:
+    """
+    Return white Gaussian noise of unit variance.
+
+    Parameters
+    ----------
+    seed : int
+        Seed, 0 … 2**63 - 1.
+    start : int
+        Index of the first sample.
+    count : int
+        Number of samples.
+
+    Returns
+    -------
+    ndarray, shape (count,)
+        The noise of the samples start … start + count - 1.
+
+    """
+    first, last = start // _CHUNK, (start + count - 1) // _CHUNK
+    if count <= 0:
+        return np.empty(0)
+    whole = np.concatenate([_chunk(seed, number) for number in range(first, last + 1)])
+    offset = start - first * _CHUNK
+    return whole[offset:offset + count]
+
+
+class NoiseSource:
+    """`unit_noise` one sample at a time, for a node."""
+
+    def __init__(self, seed: int) -> None:
+        self._seed = seed
+        self._number = -1
+        self._values: list[float] = []
+
+    def __call__(self, index: int) -> float:
+        """Return the noise of one sample."""
+        number = index // _CHUNK
+        if number != self._number:
+            self._values = _chunk(self._seed, number).tolist()
+            self._number = number
+        return self._values[index - number * _CHUNK]

@@ -1,0 +1,170 @@
+"""
+Parameters declared once: name, default, unit, description and allowed range.
+
+A parameter set is a frozen dataclass whose fields are made with `parameter`. Offline code builds it
+from a mapping, nodes declare the same fields as ROS parameters, and both refuse the same values
+with the same words.
+"""
+
+import dataclasses
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple, Self
+
+__all__ = ['Constraint', 'ParameterError', 'ParameterSet', 'constraint_of', 'parameter']
+
+
+class ParameterError(ValueError):
+    """A parameter that is unknown or out of range; the text names it, its value and the range."""
+
+
+class Constraint(NamedTuple):
+    """
+    What a parameter means and which values it takes.
+
+    Attributes
+    ----------
+    unit : str
+        SI-style unit, '' for a pure number.
+    description : str
+        One sentence for people.
+    minimum, maximum : float or None
+        Inclusive bounds (of every element, for lists).
+    choices : tuple of str
+        The allowed texts, empty where any text will do.
+
+    """
+
+    unit: str
+    description: str
+    minimum: float | None
+    maximum: float | None
+    choices: tuple[str, ...]
+
+
+def parameter(
+    default: Any,
+    unit: str,
+    description: str,
+    *,
+    minimum: float | None = None,
+    maximum: float | None = None,
+    choices: Sequence[str] = (),
+) -> Any:
+    """
+    Return a dataclass field that carries its own constraint.
+
+    Parameters
+    ----------
+    default : bool, int, float, str or tuple of float
+        The default; its type is the parameter's type.
+    unit : str
+        Unit of the number, '' for none.
+    description : str
+        One sentence.
+    minimum, maximum : float, optional
+        Inclusive bounds.
+    choices : sequence of str, optional
+        Allowed texts.
+
+    """
+    constraint = Constraint(unit, description, minimum, maximum, tuple(choices))
+    return dataclasses.field(default=default, metadata={'constraint': constraint})
+
+
+def constraint_of(field: 'dataclasses.Field[Any]') -> Constraint:
+    """Return the constraint of a field made with `parameter`."""
+    constraint = field.metadata['constraint']
+    assert isinstance(constraint, Constraint)
+    return constraint
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class ParameterSet:
+    """Base of every parameter set: checks each field, refuses what is unknown."""
+
+    def __post_init__(self) -> None:
+        for field in dataclasses.fields(self):
+            value = _converted(field, getattr(self, field.name))
+            _check(field.name, value, constraint_of(field))
+            object.__setattr__(self, field.name, value)
+        self.check_together()
+
+    def check_together(self) -> None:
+        """Refuse combinations of values that are each allowed alone (default: none)."""
+
+    @classmethod
+    def from_mapping(cls, values: Mapping[str, Any]) -> Self:
+        """
+        Build the set from names and values.
+
+        Parameters
+        ----------
+        values : mapping of str to value
+            Any subset of the parameters; the rest keeps its default.
+
+        Raises
+        ------
+        ParameterError
+            For an unknown name, a wrong type or a value out of range.
+
+        """
+        names = [field.name for field in dataclasses.fields(cls)]
+        for name in values:
+            if name not in names:
+                raise ParameterError(
+                    f'unknown parameter {name!r}; {cls.__name__} has {", ".join(names)}')
+        return cls(**values)
+
+    def replaced(self, **values: Any) -> Self:
+        """Return a copy with some values replaced, checked again."""
+        return self.from_mapping({**self.to_mapping(), **values})
+
+    def to_mapping(self) -> dict[str, Any]:
+        """Return names and values, lists for tuples, ready for YAML."""
+        return {
+            field.name: list(value) if isinstance(value, tuple) else value
+            for field in dataclasses.fields(self)
+            for value in [getattr(self, field.name)]
+        }
+
+
+def _converted(field: 'dataclasses.Field[Any]', value: Any) -> Any:
+    """Return the value in the type of the default; YAML writes 1 where 1.0 is meant."""
+    default = field.default
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    if isinstance(default, bool):
+        valid = isinstance(value, bool)
+    elif isinstance(default, int):
+        valid = number and float(value).is_integer()
+        value = int(value) if valid else value
+    elif isinstance(default, float):
+        valid = number
+        value = float(value) if valid else value
+    elif isinstance(default, tuple):
+        valid = not isinstance(value, str) and isinstance(value, Sequence) or hasattr(value, 'tolist')
+        if valid:
+            value = tuple(float(element) for element in value)
+    else:
+        valid = isinstance(value, str)
+    if not valid:
+        kind = {bool: 'true or false', int: 'an integer', float: 'a number', str: 'text',
+                tuple: 'a list of numbers'}[type(default)]
+        raise ParameterError(f'{field.name} is {value!r}, it must be {kind}')
+    return value
+
+
+def _check(name: str, value: Any, constraint: Constraint) -> None:
+    if constraint.choices and value not in constraint.choices:
+        raise ParameterError(f'{name} is {value!r}, allowed are {", ".join(constraint.choices)}')
+    if isinstance(value, str | bool):
+        return
+    for number in value if isinstance(value, tuple) else (value,):
+        low, high = constraint.minimum, constraint.maximum
+        inside = (low is None or number >= low) and (high is None or number <= high)
+        if not (math.isfinite(number) and inside):
+            unit = f' {constraint.unit}' if constraint.unit else ''
+            low_text = 'any finite number' if low is None else f'{low:g}'
+            allowed = low_text if low is None and high is None else (
+                f'{"-inf" if low is None else f"{low:g}"} … {"inf" if high is None else f"{high:g}"}')
+            raise ParameterError(f'{name} is {number}{unit}, allowed is {allowed}{unit}')

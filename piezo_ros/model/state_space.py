@@ -1,0 +1,154 @@
+"""Small state-space systems: series connection, exact discretisation, and the step of a sample."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import expm
+
+from piezo_ros.model.step import Vector, step
+
+__all__ = [
+    'LinearConstants',
+    'StateSpace',
+    'discretise_first_order_hold',
+    'discretise_zero_order_hold',
+    'first_order_lag',
+    'gain',
+    'linear_constants',
+    'output_then_update',
+    'second_order_lag',
+    'series',
+    'update_then_output',
+]
+
+
+class StateSpace(NamedTuple):
+    """Matrices of a single-input single-output system with n states."""
+
+    a: NDArray[np.float64]  # (n, n)
+    b: NDArray[np.float64]  # (n, 1)
+    c: NDArray[np.float64]  # (1, n)
+    d: NDArray[np.float64]  # (1, 1)
+
+
+def gain(value: float) -> StateSpace:
+    """Return a system without states."""
+    return StateSpace(
+        np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.array([[value]]))
+
+
+def first_order_lag(time_constant_s: float) -> StateSpace:
+    """Return 1/(tau s + 1)."""
+    rate = 1.0 / time_constant_s
+    return StateSpace(
+        np.array([[-rate]]), np.array([[rate]]), np.array([[1.0]]), np.array([[0.0]]))
+
+
+def second_order_lag(natural_frequency_rad_per_s: float, damping_ratio: float) -> StateSpace:
+    """Return w^2/(s^2 + 2 zeta w s + w^2) in states of equal magnitude (x, dx/dt / w)."""
+    w = natural_frequency_rad_per_s
+    return StateSpace(
+        np.array([[0.0, w], [-w, -2.0 * damping_ratio * w]]), np.array([[0.0], [w]]),
+        np.array([[1.0, 0.0]]), np.array([[0.0]]))
+
+
+def series(*systems: StateSpace) -> StateSpace:
+    """Return the series connection, the first system taking the input."""
+    whole = systems[0]
+    for system in systems[1:]:
+        n, m = whole.a.shape[0], system.a.shape[0]
+        whole = StateSpace(
+            np.block([[whole.a, np.zeros((n, m))], [system.b @ whole.c, system.a]]),
+            np.vstack([whole.b, system.b @ whole.d]),
+            np.hstack([system.d @ whole.c, system.c]),
+            system.d @ whole.d)
+    return whole
+
+
+def discretise_zero_order_hold(system: StateSpace, sample_period_s: float) -> StateSpace:
+    """Return the exact samples of a system whose input is held constant between them."""
+    n = system.a.shape[0]
+    augmented = np.zeros((n + 1, n + 1))
+    augmented[:n, :n] = system.a * sample_period_s
+    augmented[:n, n:] = system.b * sample_period_s
+    exponential = expm(augmented)
+    return StateSpace(exponential[:n, :n], exponential[:n, n:], system.c, system.d)
+
+
+def discretise_first_order_hold(system: StateSpace, sample_period_s: float) -> StateSpace:
+    """
+    Return the exact samples of a system whose input runs straight from sample to sample.
+
+    The state is shifted by the present input, which makes the usual form ``y[k] = C x[k] + D u[k]``
+    out of one that would need the next input too.
+    """
+    n = system.a.shape[0]
+    augmented = np.zeros((n + 2, n + 2))
+    augmented[:n, :n] = system.a * sample_period_s
+    augmented[:n, n:n + 1] = system.b * sample_period_s
+    augmented[n, n + 1] = 1.0
+    exponential = expm(augmented)
+    a = exponential[:n, :n]
+    ramp = exponential[:n, n + 1:]  # share of the next input
+    constant = exponential[:n, n:n + 1] - ramp  # share of the present input
+    return StateSpace(a, a @ ramp + constant, system.c, system.c @ ramp + system.d)
+
+
+class LinearConstants(NamedTuple):
+    """A discrete system for the steps, row by row; lists in a node, arrays in a kernel."""
+
+    a: Any  # (n * n,)
+    b: Any  # (n,)
+    c: Any  # (n,)
+    d: float
+
+
+def linear_constants(system: StateSpace) -> LinearConstants:
+    """Return the constants of the steps as lists."""
+    return LinearConstants(
+        system.a.ravel().tolist(), system.b.ravel().tolist(), system.c.ravel().tolist(),
+        float(system.d[0, 0]))
+
+
+@step
+def output_then_update(
+    state: Vector, scratch: Vector, constants: LinearConstants, value: float,
+) -> float:
+    """Return ``C x[k] + D u[k]`` and move the state on to k + 1."""
+    output = constants.d * value
+    order = len(state)
+    c = constants.c
+    for i in range(order):
+        output += c[i] * state[i]
+    _update(state, scratch, constants, value)
+    return output
+
+
+@step
+def update_then_output(
+    state: Vector, scratch: Vector, constants: LinearConstants, value: float,
+) -> float:
+    """Move the state on to k + 1 under the held ``u[k]`` and return ``C x[k+1]`` (D is zero)."""
+    _update(state, scratch, constants, value)
+    output = 0.0
+    c = constants.c
+    for i in range(len(state)):
+        output += c[i] * state[i]
+    return output
+
+
+@step
+def _update(state: Vector, scratch: Vector, constants: LinearConstants, value: float) -> None:
+    a = constants.a
+    b = constants.b
+    order = len(state)
+    position = 0
+    for i in range(order):
+        total = b[i] * value
+        for j in range(order):
+            total += a[position] * state[j]
+            position += 1
+        scratch[i] = total
+    for i in range(order):
+        state[i] = scratch[i]

@@ -1,0 +1,30 @@
+"""
+Marks the functions that exist once and run twice: as Python in a node, compiled on arrays offline.
+
+A marked function is ordinary Python over numbers, named tuples and anything indexable. A node calls
+it with lists and never imports numba; `piezo_ros.model.compiled` makes the very same source callable
+from compiled kernels. Both give the same bits, because the operations and their order are the same
+and no fast mathematics is allowed.
+"""
+
+from collections.abc import Callable, MutableSequence
+from typing import Any, TypeVar
+
+__all__ = ['Vector', 'marked_steps', 'step']
+
+# A list in a node, a float64 array in a compiled kernel.
+Vector = MutableSequence[float]
+
+_Function = TypeVar('_Function', bound=Callable[..., Any])
+_marked: list[Callable[..., Any]] = []
+
+
+def step(function: _Function) -> _Function:
+    """Mark a function as callable from compiled kernels; the function itself is unchanged."""
+    _marked.append(function)
+    return function
+
+
+def marked_steps() -> tuple[Callable[..., Any], ...]:
+    """Return every function marked so far, in the order of definition."""
+    return tuple(_marked)
