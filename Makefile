@@ -1,0 +1,50 @@
+# On a fresh Debian or Ubuntu, without ROS and without a virtual environment: make demo
+#
+# ROS 2 comes from PyPI wheels into .venv, unless a sourced ROS offers rclpy already.
+
+# Another interpreter: make demo PYTHON=python3.12
+PYTHON ?= python3
+VENV ?= .venv
+BIN := $(VENV)/bin
+# For example: make test PYTEST_ARGS='test/bag -x'
+PYTEST_ARGS ?=
+# Two workers: the tests start whole sets of ROS processes, and time out where these starve.
+PYTEST := $(BIN)/python -m pytest -n 2 --dist loadfile
+
+# A second call finds the stamp and is instant.
+DEMO_READY := $(VENV)/.stamp-demo
+TEST_READY := $(VENV)/.stamp-test
+METADATA := setup.py setup.cfg .ci/setup-venv
+
+.DEFAULT_GOAL := help
+.PHONY: help demo test test-slow lint clean
+
+help:  ## this list
+	@sed -nE 's/^([a-z-]+):.*## (.*)/make \1|\2/p' Makefile | awk -F'|' '{printf "  %-16s%s\n", $$1, $$2}'
+
+demo: $(DEMO_READY)  ## set up .venv, drive the simulated rig through ROS, report into out/demo
+	$(BIN)/piezo run config/experiments/demo.yaml -o out/demo --force
+
+test: $(TEST_READY)  ## style, types, tiers (test_lint.py) and all other tests but the slow ones
+	$(PYTEST) $(PYTEST_ARGS)
+
+test-slow: $(TEST_READY)  ## the tests that take minutes
+	$(PYTEST) -m slow $(PYTEST_ARGS)
+
+lint: $(TEST_READY)  ## style, types and tiers alone
+	$(BIN)/ruff check
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+clean:  ## remove .venv, what was built and what tools cached; out/ stays
+	rm -rf $(VENV) build dist install log *.egg-info
+	rm -rf .hypothesis .import_linter_cache .mypy_cache .pytest_cache .ruff_cache
+	find piezo_ros launch test -name __pycache__ -prune -exec rm -rf {} +
+
+$(DEMO_READY): $(METADATA)
+	@bash .ci/setup-venv $(PYTHON) $(VENV)
+	@touch $@
+
+$(TEST_READY): $(METADATA)
+	@bash .ci/setup-venv $(PYTHON) $(VENV) test
+	@touch $@ $(DEMO_READY)

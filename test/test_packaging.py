@@ -1,0 +1,211 @@
+import ast
+import os
+import re
+import runpy
+import shutil
+import subprocess
+import sys
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+
+import pytest
+import setuptools
+
+REPOSITORY = Path(__file__).resolve().parents[1]
+EXECUTABLES = ['plant', 'compensator', 'controller', 'trajectory', 'recorder', 'loop', 'piezo']
+
+# Name in an import statement -> (name on PyPI, rosdep key or None where rosdep knows none).
+THIRD_PARTY = {
+    'control': ('control', None),
+    'lz4': ('lz4', None),
+    'matplotlib': ('matplotlib', 'python3-matplotlib'),
+    'mcap': ('mcap', None),
+    'mpl_toolkits': ('matplotlib', 'python3-matplotlib'),
+    'numba': ('numba', 'python3-numba'),
+    'numpy': ('numpy', 'python3-numpy'),
+    'scipy': ('scipy', 'python3-scipy'),
+    'yaml': ('pyyaml', 'python3-yaml'),
+    'zstandard': ('zstandard', None),
+}
+
+
+def arguments_of_setup(folder, command):
+    """Return what setup.py hands to setuptools, as run by the given command."""
+    handed = {}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        patch.setattr(sys, 'argv', ['setup.py', command])
+        patch.setattr(setuptools, 'setup', lambda **arguments: handed.update(arguments))
+        runpy.run_path('setup.py', run_name='__main__')
+    return handed
+
+
+@pytest.fixture(scope='module')
+def metadata():
+    return arguments_of_setup(REPOSITORY, 'build')
+
+
+@pytest.fixture(scope='module')
+def manifest():
+    return ElementTree.parse(REPOSITORY / 'package.xml').getroot()
+
+
+def requirement_names(requirements):
+    return {re.split(r'[^\w.-]', requirement)[0].lower() for requirement in requirements}
+
+
+def imported_names(*folders):
+    names = set()
+    for path in (path for folder in folders for path in (REPOSITORY / folder).rglob('*.py')):
+        for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'))):
+            if isinstance(node, ast.Import):
+                names |= {alias.name.split('.')[0] for alias in node.names}
+            elif isinstance(node, ast.ImportFrom) and not node.level:
+                names.add(node.module.split('.')[0])
+    return names - sys.stdlib_module_names - {'piezo_ros'}
+
+
+def test_one_version_is_told_everywhere(metadata, manifest):
+    changelog = (REPOSITORY / 'CHANGELOG.md').read_text(encoding='utf-8')
+    newest = re.search(r'^## \[(\d+\.\d+\.\d+)\]', changelog, re.MULTILINE)
+    assert metadata['version'] == manifest.findtext('version') == newest[1]
+
+
+def test_setup_and_manifest_agree_on_who_and_under_which_licence(metadata, manifest):
+    maintainer = manifest.find('maintainer')
+    assert metadata['name'] == manifest.findtext('name')
+    assert metadata['maintainer'] == maintainer.text
+    assert metadata['maintainer_email'] == maintainer.get('email')
+    assert metadata['license'] == manifest.findtext('license')
+
+
+def test_the_licence_is_there_in_full(manifest):
+    text = (REPOSITORY / manifest.find('license').get('file')).read_text(encoding='utf-8')
+    assert 'Version 2.0, January 2004' in text
+    assert 'END OF TERMS AND CONDITIONS' in text
+
+
+def test_every_executable_is_a_console_script(metadata):
+    scripts = metadata['entry_points']['console_scripts']
+    assert [script.split(' = ')[0] for script in scripts] == EXECUTABLES
+
+
+@pytest.mark.parametrize('executable', EXECUTABLES)
+def test_a_console_script_calls_a_function_that_exists(metadata, executable):
+    scripts = dict(script.split(' = ') for script in metadata['entry_points']['console_scripts'])
+    module, function = scripts[executable].split(':')
+    # Read, not imported, so that it holds on a laptop without ROS too.
+    source = (REPOSITORY / module.replace('.', '/')).with_suffix('.py').read_text(encoding='utf-8')
+    assert function in {
+        node.name for node in ast.parse(source).body if isinstance(node, ast.FunctionDef)}
+
+
+def test_the_manifest_names_what_the_code_imports(manifest):
+    keys = {dependency.text for dependency in manifest.iter('exec_depend')}
+    names = imported_names('piezo_ros', 'launch')
+    needed = {THIRD_PARTY.get(name, (None, name))[1] for name in names}
+    assert needed - {None} <= keys
+
+
+def test_pip_installs_what_the_code_imports_beside_ros(metadata, manifest):
+    from_ros = {dependency.text for dependency in manifest.iter('exec_depend')}
+    needed = {THIRD_PARTY.get(name, (name,))[0] for name in imported_names('piezo_ros') - from_ros}
+    assert needed <= requirement_names(metadata['install_requires'])
+
+
+def test_the_ros_extra_brings_every_ros_package_that_the_manifest_names(metadata, manifest):
+    keys = {dependency.text for dependency in manifest.iter('exec_depend')}
+    from_ros = {key for key in keys if not key.startswith('python3-')}
+    # launch and launch_ros are not on PyPI: launch files need a ROS installation.
+    wheels = {f'ros-{key.replace("_", "-")}' for key in from_ros - {'launch', 'launch_ros'}}
+    assert wheels <= requirement_names(metadata['extras_require']['ros'])
+
+
+def test_every_data_file_beside_the_code_is_packaged(metadata):
+    package = REPOSITORY / 'piezo_ros'
+    packaged = {
+        path for name, patterns in metadata['package_data'].items() for pattern in patterns
+        for path in (REPOSITORY / name.replace('.', '/')).glob(pattern)}
+    there = {
+        path for path in package.rglob('*')
+        if path.is_file() and path.suffix != '.py' and '__pycache__' not in path.parts}
+    assert package / 'py.typed' in there
+    assert there == packaged
+
+
+@pytest.fixture(scope='module')
+def sources(tmp_path_factory):
+    """Copy what git would commit from the work tree, without what was built in it."""
+    listed = subprocess.run(
+        ['git', 'ls-files', '-z', '--cached', '--others', '--exclude-standard'],
+        cwd=REPOSITORY, capture_output=True, text=True, check=False)
+    if listed.returncode:
+        pytest.skip(f'the sources are no git work tree: {listed.stderr.strip()}')
+    copy = tmp_path_factory.mktemp('workspace') / 'src' / 'piezo_ros'
+    for name in filter(None, listed.stdout.split('\0')):
+        # A file just removed is still listed.
+        if (REPOSITORY / name).is_file():
+            (copy / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy2(REPOSITORY / name, copy / name)
+    return copy
+
+
+def colcon(workspace, *arguments):
+    executable = Path(sys.executable).with_name('colcon')
+    if not executable.exists():
+        pytest.skip(f'colcon is not installed beside {sys.executable}')
+    prefixes = filter(None, [sys.prefix, os.environ.get('AMENT_PREFIX_PATH')])
+    environment = os.environ | {
+        'AMENT_PREFIX_PATH': os.pathsep.join(prefixes), 'COLCON_HOME': str(workspace / '.colcon')}
+    run = subprocess.run(
+        [executable, '--log-base', 'log', *arguments],
+        cwd=workspace, env=environment, capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stdout + run.stderr
+    return run.stdout
+
+
+def test_colcon_takes_it_for_an_ament_python_package(sources):
+    assert colcon(sources.parents[1], 'list').split() == [
+        'piezo_ros', str(Path('src', 'piezo_ros')), '(ros.ament_python)']
+
+
+@pytest.mark.parametrize('option', [None, '--symlink-install'])
+def test_colcon_build_installs_what_ros2_run_and_launch_look_for(sources, tmp_path, option):
+    colcon(tmp_path, 'build', '--base-paths', str(sources), *filter(None, [option]))
+    prefix = tmp_path / 'install' / 'piezo_ros'
+    share = prefix / 'share' / 'piezo_ros'
+    assert (prefix / 'share/ament_index/resource_index/packages/piezo_ros').is_file()
+    assert (share / 'package.xml').is_file()
+    for executable in EXECUTABLES:
+        assert os.access(prefix / 'lib' / 'piezo_ros' / executable, os.X_OK), executable
+    data = [
+        path.relative_to(sources) for folder in ('config', 'launch')
+        for path in (sources / folder).rglob('*') if path.is_file()]
+    assert data
+    for path in data:
+        assert (share / path).read_bytes() == (sources / path).read_bytes()
+        assert (share / path).is_symlink() == (option is not None), path
+    if option is None:
+        package = next((prefix / 'lib').glob('python*/site-packages/piezo_ros'))
+        assert (package / 'py.typed').is_file()
+        assert not list(package.rglob('*.nb[ci]'))
+
+
+def test_a_wheel_brings_wrappers_that_ros2_run_can_start(sources, tmp_path):
+    wrappers = dict(arguments_of_setup(sources, 'bdist_wheel')['data_files'])['lib/piezo_ros']
+    assert sorted(Path(wrapper).name for wrapper in wrappers) == sorted(EXECUTABLES)
+    (tmp_path / 'bin').mkdir()
+    (tmp_path / 'lib' / 'piezo_ros').mkdir(parents=True)
+    for wrapper in wrappers:
+        script = tmp_path / 'bin' / Path(wrapper).name
+        script.write_text('#!/bin/sh\nprintf "%s|" "$(basename "$0")" "$@"\n', encoding='utf-8')
+        script.chmod(0o755)
+        installed = shutil.copy(sources / wrapper, tmp_path / 'lib' / 'piezo_ros')
+        run = subprocess.run(
+            [installed, '--ros-args', 'two words'], capture_output=True, text=True, check=True)
+        assert run.stdout == f'{script.name}|--ros-args|two words|'
+
+
+@pytest.mark.parametrize('command', ['build', 'develop', 'editable_wheel'])
+def test_only_a_wheel_brings_wrappers(sources, command):
+    assert 'lib/piezo_ros' not in dict(arguments_of_setup(sources, command)['data_files'])
