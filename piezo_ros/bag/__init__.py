@@ -1,1 +1,18 @@
+"""Reading, writing and salvage of runs recorded in rosbag2 directories; needs no ROS."""
 
+from piezo_ros.bag.block import STREAMS, Block, BlockCodec, MalformedBlockError
+from piezo_ros.bag.errors import BagError, BagExistsError
+from piezo_ros.bag.reader import Run, read
+from piezo_ros.bag.writer import BagWriter
+
+__all__ = [
+    'STREAMS',
+    'BagError',
+    'BagExistsError',
+    'BagWriter',
+    'Block',
+    'BlockCodec',
+    'MalformedBlockError',
+    'Run',
+    'read',
+]

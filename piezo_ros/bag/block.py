@@ -48,7 +48,7 @@ class Block(NamedTuple):
 
     """
 
-    index: int
+    index: int  # type: ignore[assignment]  # hides tuple.index, which blocks do not need
     sample_period_s: float
     samples: tuple[float, ...]
 
@@ -85,6 +85,7 @@ class BlockCodec:
         self._single_layout = self._single_head[self._layout_offset:self._length_offset + 4]
         self._pack_single = struct.Struct('<3d').pack
         self._unpack_single = struct.Struct('<3d').unpack_from
+        self._unpack_pair = struct.Struct('<2d').unpack_from
 
     def _head(self, samples: int) -> bytes:
         layout = struct.pack('<4I', samples, samples, _HEADER_SAMPLES, samples + _HEADER_SAMPLES)
@@ -119,6 +120,50 @@ class BlockCodec:
         values = np.ascontiguousarray(samples, dtype='<f8')
         prefix = struct.pack('<2d', index, sample_period_s)
         return self._head(values.size) + prefix + values.tobytes()
+
+    def header(self, samples: int) -> tuple[bytes, bytes]:
+        """
+        Return what precedes the numbers in a little-endian block.
+
+        Parameters
+        ----------
+        samples : int
+            The number of samples N.
+
+        Returns
+        -------
+        header, mask : bytes, bytes
+            The bytes up to the first number, and a mask of the same length: 0xff where these bytes
+            matter, 0 where they are options or padding that a publisher may leave at anything.
+
+        """
+        mask = bytearray(b'\xff' * self._data_offset)
+        mask[2:4] = bytes(2)
+        label_end, layout_end = len(self._label_head), self._length_offset + 4
+        mask[label_end:self._layout_offset] = bytes(self._layout_offset - label_end)
+        mask[layout_end:] = bytes(self._data_offset - layout_end)
+        return self._head(samples), bytes(mask)
+
+    def index_and_period(self, raw: bytes) -> tuple[float, float]:
+        """
+        Return index and sample period, seconds, of a block taken for valid (hot path).
+
+        Parameters
+        ----------
+        raw : bytes
+            CDR bytes of a block of this stream; its layout and its samples are not checked.
+
+        Raises
+        ------
+        MalformedBlockError, struct.error
+            If the bytes are those of another stream, or end early.
+
+        """
+        if raw.startswith(self._label_head):
+            index, sample_period_s = self._unpack_pair(raw, self._data_offset)
+            return index, sample_period_s
+        block = self.decode(raw)
+        return block.index, block.sample_period_s
 
     def decode(self, raw: bytes) -> Block:
         """
@@ -157,7 +202,8 @@ class BlockCodec:
         label, size, stride, offset, data = _parse(raw)
         if label != self.label:
             raise MalformedBlockError(
-                f'layout.dim[0].label is {label!r}, the stream {self.stream!r} needs {self.label!r}')
+                f'layout.dim[0].label is {label!r}, the stream {self.stream!r} needs '
+                f'{self.label!r}')
         return _checked(label, size, stride, offset, data)
 
 

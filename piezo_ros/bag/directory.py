@@ -1,0 +1,248 @@
+"""
+Writing of a rosbag2 directory: one MCAP file and the ``metadata.yaml`` of version 9.
+
+Nothing here knows of streams and blocks; any topic of any type can be written. No clock is read and
+no version of a library is written, so that the same calls give the same bytes.
+"""
+
+import os
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+import yaml
+from mcap.writer import CompressionType, Writer
+
+from piezo_ros.bag.errors import BagError, BagExistsError
+
+__all__ = ['COMPRESSIONS', 'BagDirectory', 'Topic', 'plain_yaml']
+
+COMPRESSIONS: Final = {
+    'zstd': CompressionType.ZSTD,
+    'lz4': CompressionType.LZ4,
+    'none': CompressionType.NONE,
+}
+_CHUNK_BYTES: Final = 1 << 20
+_MAXIMUM_TIME_NS: Final = 2**63 - 1  # rosbag2 holds times as signed 64-bit integers
+_ROS_DISTRO: Final = 'kilted'
+
+
+class Topic(NamedTuple):
+    """
+    What a bag says about one topic.
+
+    Attributes
+    ----------
+    name, type_name : str
+        Resolved topic name and message type, such as ``std_msgs/msg/String``.
+    definition, definition_encoding : str
+        Text of the type with all types in it, and its language (``ros2msg`` or ``ros2idl``).
+    type_hash : str
+        Hash of the type (RIHS01_…); empty when unknown.
+    qos : list of dict
+        Offered quality of service, one mapping per publisher.
+
+    """
+
+    name: str
+    type_name: str
+    definition: str
+    definition_encoding: str
+    type_hash: str
+    qos: list[dict[str, Any]]
+
+
+class _Channel:
+    """Counts of one channel."""
+
+    def __init__(self, topic: Topic) -> None:
+        self.topic = topic
+        self.messages = 0
+
+
+class BagDirectory:
+    """
+    A rosbag2 directory open for writing.
+
+    Parameters
+    ----------
+    directory : Path
+        Created, with its parents; must not exist.
+    compression : str
+        Compression of the chunks: ``zstd``, ``lz4`` or ``none``.
+    custom_data : mapping of str to str
+        The entry ``custom_data`` of ``metadata.yaml``.
+
+    Raises
+    ------
+    ValueError
+        If the compression is unknown.
+    BagExistsError
+        If the directory exists.
+    BagError
+        If it cannot be created.
+
+    """
+
+    def __init__(
+        self, directory: Path, *, compression: str, custom_data: Mapping[str, str],
+    ) -> None:
+        if compression not in COMPRESSIONS:
+            raise ValueError(
+                f'compression {compression!r} is none of {", ".join(COMPRESSIONS)}')
+        self.path = Path(directory)
+        self.file_path = self.path / f'{self.path.resolve().name}_0.mcap'
+        self._custom_data = dict(custom_data)
+        self._channels: list[_Channel] = []
+        self._schemas: dict[tuple[str, str, str], int] = {}
+        self._first_ns = _MAXIMUM_TIME_NS
+        self._last_ns = 0
+        self._failed = False
+        try:
+            self.path.mkdir(parents=True)
+        except FileExistsError:
+            raise BagExistsError(f'{self.path} exists; a bag is never overwritten') from None
+        except OSError as error:
+            raise BagError(f'cannot create the bag {self.path}: {error.strerror}') from error
+        with self._disk():
+            self._file = self.file_path.open('xb')
+            self._writer = Writer(
+                self._file, chunk_size=_CHUNK_BYTES, compression=COMPRESSIONS[compression])
+            self._writer.start(profile='ros2', library='piezo_ros')  # type: ignore[no-untyped-call]
+
+    @contextmanager
+    def _disk(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            raise self.failure(error) from error
+
+    def failure(self, error: OSError) -> BagError:
+        """Give the file up after an error of the disk and return the error to raise."""
+        self._failed = True
+        if hasattr(self, '_file'):
+            # Not the buffered close, which would try the failed write again.
+            self._file.raw.close()
+        return BagError(
+            f'cannot write {self.file_path}: {error.strerror}; what was flushed before can be '
+            f'recovered with `piezo bag salvage {self.path}`')
+
+    @property
+    def closed(self) -> bool:
+        """Whether nothing more can be written, because of `close` or of an error of the disk."""
+        return self._file.closed
+
+    def add_topic(self, topic: Topic) -> int:
+        """Announce a topic and return the number of its channel."""
+        key = (topic.type_name, topic.definition_encoding, topic.definition)
+        if key not in self._schemas:
+            self._schemas[key] = self._writer.register_schema(
+                topic.type_name, topic.definition_encoding, topic.definition.encode())
+        self._channels.append(_Channel(topic))
+        return self._writer.register_channel(topic.name, 'cdr', self._schemas[key], {
+            'offered_qos_profiles': plain_yaml(topic.qos),
+            'topic_type_hash': topic.type_hash,
+        })
+
+    def add_metadata(self, name: str, entries: Mapping[str, str]) -> None:
+        """Write a metadata record, ahead of the messages that are not in the file yet."""
+        with self._disk():
+            self._writer.add_metadata(name, dict(entries))
+
+    def add_attachment(self, name: str, media_type: str, data: bytes) -> None:
+        """Write an attachment of time 0, ahead of the messages that are not in the file yet."""
+        with self._disk():
+            self._writer.add_attachment(0, 0, name, media_type, data)
+
+    def write(self, channel: int, log_time_ns: int, publish_time_ns: int, data: bytes) -> None:
+        """
+        Write one message (hot path).
+
+        Raises
+        ------
+        BagError
+            If the disk is full or fails, or the log time is outside 0 … 2**63 - 1 ns.
+
+        """
+        if log_time_ns < self._first_ns:
+            self._first_ns = log_time_ns
+        if log_time_ns > self._last_ns:
+            self._last_ns = log_time_ns
+        if self._first_ns < 0 or self._last_ns > _MAXIMUM_TIME_NS:
+            raise BagError(f'log time {log_time_ns} ns is outside 0 … 2**63 - 1 ns')
+        self._channels[channel - 1].messages += 1
+        try:
+            self._writer.add_message(channel, log_time_ns, data, publish_time_ns)
+        except OSError as error:
+            raise self.failure(error) from error
+
+    def flush(self) -> None:
+        """Hand everything written so far to the operating system, as whole chunks."""
+        with self._disk():
+            self._writer.flush()  # type: ignore[no-untyped-call]
+
+    def close(self) -> None:
+        """Write the index and ``metadata.yaml``; does nothing the second time."""
+        if self.closed:
+            return
+        information = self._information()
+        with self._disk():
+            self._writer.add_metadata(
+                'rosbag2', {'serialized_metadata': plain_yaml(information)})
+            self._writer.finish()  # type: ignore[no-untyped-call]
+            self._file.close()
+            text = plain_yaml({'rosbag2_bagfile_information': information})
+            unfinished = self.path / 'metadata.yaml.part'
+            unfinished.write_text(text, encoding='utf-8')
+            os.replace(unfinished, self.path / 'metadata.yaml')
+
+    def _information(self) -> dict[str, Any]:
+        """Return the body of ``metadata.yaml``; rosbag2 needs every one of these keys."""
+        messages = sum(channel.messages for channel in self._channels)
+        start_ns = self._first_ns if messages else 0
+        starting_time = {'nanoseconds_since_epoch': start_ns}
+        duration = {'nanoseconds': self._last_ns - start_ns}
+        return {
+            'version': 9,
+            'storage_identifier': 'mcap',
+            'duration': duration,
+            'starting_time': starting_time,
+            'message_count': messages,
+            'topics_with_message_count': [
+                {
+                    'topic_metadata': {
+                        'name': channel.topic.name,
+                        'type': channel.topic.type_name,
+                        'serialization_format': 'cdr',
+                        'offered_qos_profiles': channel.topic.qos,
+                        'type_description_hash': channel.topic.type_hash,
+                    },
+                    'message_count': channel.messages,
+                }
+                for channel in self._channels
+            ],
+            'compression_format': '',
+            'compression_mode': '',
+            'relative_file_paths': [self.file_path.name],
+            'files': [{
+                'path': self.file_path.name,
+                'starting_time': starting_time,
+                'duration': duration,
+                'message_count': messages,
+            }],
+            'custom_data': self._custom_data,
+            'ros_distro': _ROS_DISTRO,
+        }
+
+
+class _PlainDumper(yaml.SafeDumper):
+    """Dumper that repeats equal parts instead of writing anchors, which not every reader knows."""
+
+    def ignore_aliases(self, data: object) -> bool:
+        return True
+
+
+def plain_yaml(value: object) -> str:
+    """Return a value as block-style YAML without anchors, keys in their own order."""
+    return yaml.dump(value, Dumper=_PlainDumper, sort_keys=False, allow_unicode=True)

@@ -1,0 +1,39 @@
+"""What a bag has to say about ``std_msgs/msg/Float64MultiArray``, the type of every stream."""
+
+from typing import Any, Final
+
+__all__ = ['DEFINITION', 'STREAM_QOS', 'TYPE_HASH', 'TYPE_NAME']
+
+TYPE_NAME: Final = 'std_msgs/msg/Float64MultiArray'
+TYPE_HASH: Final = 'RIHS01_1025ddc6b9552d191f89ef1a8d2f60f3d373e28b283d8891ddcc974e8c55397f'
+
+_RULE: Final = '=' * 80
+# The type and every type in it, as readers of the schema encoding 'ros2msg' expect them.
+DEFINITION: Final = f"""\
+std_msgs/MultiArrayLayout layout
+float64[] data
+{_RULE}
+MSG: std_msgs/MultiArrayLayout
+std_msgs/MultiArrayDimension[] dim
+uint32 data_offset
+{_RULE}
+MSG: std_msgs/MultiArrayDimension
+string label
+uint32 size
+uint32 stride
+"""
+
+_INFINITE: Final = {'sec': 9223372036, 'nsec': 854775807}
+# Reliable and KEEP_ALL: what the stages of the loop offer, and what a replay has to offer again.
+# rosbag2 refuses a profile that lacks any of the nine keys.
+STREAM_QOS: Final[list[dict[str, Any]]] = [{
+    'history': 'keep_all',
+    'depth': 0,
+    'reliability': 'reliable',
+    'durability': 'volatile',
+    'deadline': _INFINITE,
+    'lifespan': _INFINITE,
+    'liveliness': 'automatic',
+    'liveliness_lease_duration': _INFINITE,
+    'avoid_ros_namespace_conventions': False,
+}]

@@ -1,0 +1,232 @@
+"""Assembly of one stream, a contiguous sequence of samples, from its blocks."""
+
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from piezo_ros.bag.block import BlockCodec, MalformedBlockError
+from piezo_ros.bag.chunk_scan import HEAD_BYTES, MESSAGE_HEAD_BYTES, unaligned
+from piezo_ros.bag.container import Piece
+
+__all__ = ['Stream', 'StreamAssembler']
+
+_MAXIMUM_INDEX: Final = 2.0**53
+_ENCAPSULATION_BYTES: Final = 4
+_Floats = NDArray[np.float64]
+_Integers = NDArray[np.int64]
+
+
+class Stream(NamedTuple):
+    """
+    One stream as far as it is whole.
+
+    Attributes
+    ----------
+    start_index : int
+        Index of the first sample.
+    sample_period_s : float
+        Sample period, seconds.
+    samples : ndarray of float64, shape (n,)
+        The samples, in the stream's unit.
+    problem : str or None
+        What is wrong right behind the last of these samples; None if nothing is.
+
+    """
+
+    start_index: int
+    sample_period_s: float
+    samples: NDArray[np.float64]
+    problem: str | None
+
+
+class _Blocks(NamedTuple):
+    """Consecutive blocks: index, sample period and N of each, and the samples of all."""
+
+    indices: _Floats
+    periods_s: _Floats
+    counts: _Integers
+    samples: _Floats
+
+
+class StreamAssembler:
+    """
+    Collector of the blocks of one stream in the order of their recording.
+
+    Parameters
+    ----------
+    stream : str
+        The stream.
+
+    """
+
+    def __init__(self, stream: str) -> None:
+        self._stream = stream
+        self._codec = BlockCodec(stream)
+        self._parts: list[_Blocks] = []
+        self._messages = 0
+        self._malformed: str | None = None
+
+    def add(self, piece: Piece, messages: NDArray[np.int64]) -> None:
+        """
+        Take the blocks in a piece.
+
+        Parameters
+        ----------
+        piece : Piece
+            The piece.
+        messages : ndarray of int64
+            Offsets of the messages of this stream in it.
+
+        """
+        if self._malformed is not None or not messages.size:
+            return
+        lengths = unaligned(piece.data, '<u8')[messages + 1].astype(np.int64) + HEAD_BYTES
+        # Groups of equal length are decoded at once; where only few differ, as in a foreign
+        # recording of ragged blocks, this costs little more than one group.
+        groups = [
+            self._group(piece.data, messages, lengths, length)
+            for length in np.unique(lengths).tolist()
+        ]
+        if all(group is not None for _, group in groups):
+            self._parts.append(_merged(groups, messages.size))
+        else:
+            self._parts.append(self._one_by_one(piece.data, messages, lengths))
+        self._messages += messages.size
+
+    def _group(
+        self, data: bytes, messages: _Integers, lengths: _Integers, length: int,
+    ) -> tuple[_Integers, _Blocks | None]:
+        members = np.flatnonzero(lengths == length)
+        return members, self._equal_blocks(data, messages[members], length - MESSAGE_HEAD_BYTES)
+
+    def _equal_blocks(self, data: bytes, messages: _Integers, size: int) -> _Blocks | None:
+        """Decode blocks of one size, None unless every one has the layout of `BlockCodec`."""
+        header, mask = self._codec.header(0)
+        count, rest = divmod(size - len(header), 8)
+        count -= 2
+        if count < 0 or rest:
+            return None
+        header, mask = self._codec.header(count)
+        starts = messages + MESSAGE_HEAD_BYTES
+        if (unaligned(data, '<u2')[starts] != int.from_bytes(header[:2], 'little')).any():
+            return None
+        words = _rows(data, starts + _ENCAPSULATION_BYTES, size - _ENCAPSULATION_BYTES)
+        expected = np.frombuffer(header[_ENCAPSULATION_BYTES:], '<u8')
+        matters = np.frombuffer(mask[_ENCAPSULATION_BYTES:], '<u8')
+        for column, (value, bits) in enumerate(zip(expected, matters, strict=True)):
+            if ((words[:, column] & bits) != value).any():
+                return None
+        numbers = words[:, expected.size:].view('<f8')
+        return _Blocks(
+            numbers[:, 0].astype(np.float64), numbers[:, 1].astype(np.float64),
+            np.full(messages.size, count), numbers[:, 2:].astype(np.float64).ravel())
+
+    def _one_by_one(self, data: bytes, messages: _Integers, lengths: _Integers) -> _Blocks:
+        """Decode blocks of any layout, up to the first that is malformed."""
+        blocks = []
+        for start, length in zip(messages.tolist(), lengths.tolist(), strict=True):
+            try:
+                blocks.append(self._codec.decode(data[start + MESSAGE_HEAD_BYTES:start + length]))
+            except MalformedBlockError as error:
+                self._malformed = (
+                    f'message {self._messages + len(blocks)} of stream {self._stream!r}: {error}')
+                break
+        samples = [np.asarray(block.samples, dtype=np.float64) for block in blocks]
+        return _Blocks(
+            np.array([block.index for block in blocks], dtype=np.float64),
+            np.array([block.sample_period_s for block in blocks], dtype=np.float64),
+            np.array([sample.size for sample in samples], dtype=np.int64),
+            np.concatenate([*samples, np.empty(0)]))
+
+    def result(self) -> Stream | None:
+        """Return the stream up to the first thing that is wrong with it, None if it is empty."""
+        blocks = _joined(self._parts)
+        good, problem = self._leading(blocks)
+        samples = blocks.samples[:int(blocks.counts[:good].sum())]
+        finite = np.isfinite(samples)
+        if not finite.all():
+            first = int(np.argmin(finite))
+            problem = (
+                f'sample {int(blocks.indices[0]) + first} of stream {self._stream!r} is '
+                f'{samples[first]}, it must be finite')
+            samples = samples[:first]
+        if not samples.size:
+            if problem is None:
+                return None
+            return Stream(0, 0.0, samples, problem)
+        return Stream(int(blocks.indices[0]), float(blocks.periods_s[0]), samples, problem)
+
+    def _leading(self, blocks: _Blocks) -> tuple[int, str | None]:
+        """Return how many blocks are in order, and what is wrong with the next one."""
+        indices, periods, counts = blocks.indices, blocks.periods_s, blocks.counts
+        if not indices.size:
+            return 0, self._malformed
+        expected = indices[0] + np.append(0, np.cumsum(counts)[:-1])
+        after_end = np.append(False, counts[:-1] == 0)
+        valid_index = (indices >= 0) & (indices < _MAXIMUM_INDEX) & (indices % 1.0 == 0)
+        wrong = (
+            ~valid_index | (indices != expected) | after_end
+            | ~((periods > 0) & (periods == periods[0]) & np.isfinite(periods)))
+        if not wrong.any():
+            return indices.size, self._malformed
+        first = int(np.argmax(wrong))
+        index, period, due = indices[first], periods[first], expected[first]
+        name = f'stream {self._stream!r}'
+        if not valid_index[first]:
+            return first, (
+                f'{name} has a block with index {index} where {due:.0f} is due, allowed are '
+                'integers in 0 … 2**53 - 1')
+        if not 0 < period < np.inf:
+            return first, (
+                f'{name} has the sample period {period} s at index {index:.0f}, it must be '
+                'positive and finite')
+        if period != periods[0]:
+            return first, (
+                f'{name} changes its sample period from {periods[0]} s to {period} s at index '
+                f'{index:.0f}')
+        if after_end[first]:
+            return first, f'{name} goes on at index {index:.0f} after its end at {due:.0f}'
+        if index > due:
+            return first, f'{name} has a gap: index {due:.0f} is due, {index:.0f} comes'
+        return first, f'{name} has an overlap: index {due:.0f} is due, {index:.0f} comes again'
+
+
+def _rows(data: bytes, starts: _Integers, size: int) -> NDArray[np.uint64]:
+    """Return the bytes from each start on as rows of words, a view where the stride is regular."""
+    if starts.size > 1:
+        strides = np.diff(starts)
+        if (strides == strides[0]).all():
+            return np.ndarray(
+                (starts.size, size // 8), '<u8', buffer=data, offset=int(starts[0]),
+                strides=(int(strides[0]), 8))
+    gathered = unaligned(data, f'V{size}')[starts]
+    return gathered.view('<u8').reshape(starts.size, size // 8)
+
+
+def _merged(groups: list[tuple[_Integers, _Blocks | None]], messages: int) -> _Blocks:
+    """Put the blocks of all groups back into the order of the messages."""
+    if len(groups) == 1:
+        (_, only), = groups
+        assert only is not None
+        return only
+    indices, periods = np.empty(messages), np.empty(messages)
+    counts = np.empty(messages, dtype=np.int64)
+    for members, blocks in groups:
+        assert blocks is not None
+        indices[members] = blocks.indices
+        periods[members] = blocks.periods_s
+        counts[members] = blocks.counts
+    ends = np.cumsum(counts)
+    samples = np.empty(int(ends[-1]))
+    for members, blocks in groups:
+        assert blocks is not None
+        count = int(blocks.counts[0])
+        places = (ends[members] - count)[:, np.newaxis] + np.arange(count)
+        samples[places.ravel()] = blocks.samples
+    return _Blocks(indices, periods, counts, samples)
+
+
+def _joined(parts: list[_Blocks]) -> _Blocks:
+    empty = _Blocks(np.empty(0), np.empty(0), np.empty(0, dtype=np.int64), np.empty(0))
+    return _Blocks(*(np.concatenate(arrays) for arrays in zip(empty, *parts, strict=True)))

@@ -1,0 +1,211 @@
+"""Writing of the streams of a run into a bag."""
+
+import struct
+from collections.abc import Mapping
+from pathlib import Path
+from types import TracebackType
+from typing import Final, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from piezo_ros.bag.block import STREAMS, BlockCodec
+from piezo_ros.bag.directory import BagDirectory, Topic
+from piezo_ros.bag.errors import BagError
+from piezo_ros.bag.message_type import DEFINITION, STREAM_QOS, TYPE_HASH, TYPE_NAME
+
+__all__ = ['FORMAT_VERSION', 'PARAMETERS_NAME', 'RECORD_NAME', 'BagWriter']
+
+FORMAT_VERSION: Final = '1'
+RECORD_NAME: Final = 'piezo_ros'
+PARAMETERS_NAME: Final = 'parameters.yaml'
+_NANOSECONDS_PER_SECOND: Final = 1e9
+
+
+class BagWriter:
+    """
+    Writer of one run: a rosbag2 directory with its streams, its metadata and its parameters.
+
+    The log time of a block is the simulated time of its first sample, index times sample period.
+    The same calls give the same bytes: no clock is read. The channels are those of `topics`, in
+    the order of `STREAMS`, whatever arrives first or never.
+
+    Parameters
+    ----------
+    directory : Path
+        Created, with its parents; must not exist.
+    topics : mapping of str to str, optional
+        Stream to resolved topic name, whose last component is the stream; by default every
+        stream at the root.
+    metadata : mapping of str to str, optional
+        Entries of the metadata record 'piezo_ros'; 'format_version' is added.
+    compression : str, optional
+        Compression of the chunks: ``zstd``, ``lz4`` or ``none``.
+
+    Raises
+    ------
+    ValueError
+        If a stream, a topic name, a metadata entry or the compression is invalid.
+    BagExistsError
+        If the directory exists.
+    BagError
+        If the directory cannot be created or written.
+
+    """
+
+    def __init__(
+        self,
+        directory: Path,
+        *,
+        topics: Mapping[str, str] | None = None,
+        metadata: Mapping[str, str] | None = None,
+        compression: str = 'zstd',
+    ) -> None:
+        names = {stream: f'/{stream}' for stream in STREAMS} if topics is None else topics
+        _check_topics(names)
+        record = {**_checked_metadata(metadata or {}), 'format_version': FORMAT_VERSION}
+        self._bag = BagDirectory(directory, compression=compression, custom_data=record)
+        # Ahead of the first chunk, so that they outlive a cut of the file anywhere behind.
+        self._bag.add_metadata(RECORD_NAME, record)
+        self._streams: dict[str, tuple[int, BlockCodec]] = {}
+        for stream in STREAMS:
+            if stream in names:
+                topic = Topic(
+                    names[stream], TYPE_NAME, DEFINITION, 'ros2msg', TYPE_HASH, STREAM_QOS)
+                self._streams[stream] = (self._bag.add_topic(topic), BlockCodec(stream))
+
+    @property
+    def path(self) -> Path:
+        """The directory being written."""
+        return self._bag.path
+
+    def attach_parameters(self, yaml_text: str) -> None:
+        """
+        Attach the parameters of all nodes, as 'parameters.yaml'.
+
+        Call it before the first `write`: then the parameters outlive any later cut of the file.
+
+        Parameters
+        ----------
+        yaml_text : str
+            A ROS parameter file, ``/namespace/node: {ros__parameters: {…}}``.
+
+        """
+        self._check_open()
+        self._bag.add_attachment(PARAMETERS_NAME, 'application/yaml', yaml_text.encode())
+
+    def write(self, stream: str, raw: bytes) -> None:
+        """
+        Write one serialized block (hot path: the block is taken for valid, its numbers unread).
+
+        Parameters
+        ----------
+        stream : str
+            One of the streams in `topics`.
+        raw : bytes
+            CDR bytes of a block, as `BlockCodec` reads and writes them.
+
+        Raises
+        ------
+        MalformedBlockError
+            If the bytes are no block of this stream.
+        BagError
+            If the writer is closed, the stream is not in `topics`, or the disk is full or fails.
+
+        """
+        try:
+            channel, codec = self._streams[stream]
+            index, sample_period_s = codec.index_and_period(raw)
+            time_ns = round(index * sample_period_s * _NANOSECONDS_PER_SECOND)
+        except KeyError:
+            raise BagError(
+                f'stream {stream!r} is not in this bag, which has '
+                f'{", ".join(self._streams)}') from None
+        except (struct.error, ValueError, OverflowError):
+            codec.decode(raw)  # names what is wrong
+            raise
+        if self._bag.closed:
+            self._check_open()
+        self._bag.write(channel, time_ns, time_ns, raw)
+
+    def write_block(
+        self,
+        stream: str,
+        index: int,
+        sample_period_s: float,
+        samples: NDArray[np.float64] | list[float],
+    ) -> None:
+        """
+        Write one block.
+
+        Parameters
+        ----------
+        stream : str
+            One of the streams in `topics`.
+        index : int
+            Index of the first sample.
+        sample_period_s : float
+            Sample period, seconds.
+        samples : array_like of float, shape (N,)
+            The samples in the stream's unit; N = 0 ends the stream.
+
+        Raises
+        ------
+        BagError
+            As `write`.
+
+        """
+        if stream not in self._streams:
+            self.write(stream, b'')
+        codec = self._streams[stream][1]
+        self.write(stream, codec.encode(index, sample_period_s, samples))
+
+    def flush(self) -> None:
+        """
+        Hand everything written so far to the operating system, as whole chunks.
+
+        A recorder killed later loses at most what it wrote after this call.
+
+        """
+        self._check_open()
+        self._bag.flush()
+
+    def close(self) -> None:
+        """Write the index and ``metadata.yaml``; does nothing the second time."""
+        self._bag.close()
+
+    def __enter__(self) -> Self:
+        """Return the writer."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """Close the writer, so that what was written before an error is a whole bag."""
+        self.close()
+
+    def _check_open(self) -> None:
+        if self._bag.closed:
+            raise BagError(f'the writer of {self._bag.path} is closed')
+
+
+def _check_topics(topics: Mapping[str, str]) -> None:
+    for stream, name in topics.items():
+        if stream not in STREAMS:
+            raise ValueError(f'stream {stream!r} is none of {", ".join(STREAMS)}')
+        if not name.startswith('/') or name.rpartition('/')[2] != stream:
+            raise ValueError(
+                f'topic name {name!r} must begin with / and end in /{stream}, by which readers '
+                'find the stream')
+
+
+def _checked_metadata(metadata: Mapping[str, str]) -> Mapping[str, str]:
+    for key, value in metadata.items():
+        if not isinstance(value, str):
+            raise ValueError(f'metadata entry {key!r} is {value!r}, it must be a string')
+    if 'format_version' in metadata:
+        raise ValueError("metadata entry 'format_version' is the writer's own")
+    return metadata
