@@ -3,6 +3,7 @@
 from piezo_ros.bag.block import STREAMS, Block, BlockCodec, MalformedBlockError
 from piezo_ros.bag.errors import BagError, BagExistsError
 from piezo_ros.bag.reader import Run, read
+from piezo_ros.bag.salvage import Salvage, salvage
 from piezo_ros.bag.writer import BagWriter
 
 __all__ = [
@@ -14,5 +15,7 @@ __all__ = [
     'BlockCodec',
     'MalformedBlockError',
     'Run',
+    'Salvage',
     'read',
+    'salvage',
 ]

@@ -1,8 +1,8 @@
 """
 Sequential reading of one MCAP file, whole or cut anywhere.
 
-The index at the end of a file is not used, only its presence is noted: what is read is what is
-there, and a file whose writer was killed is read like any other up to its last whole record.
+The index at the end of a file is not used: what is read is what is there, and a file whose writer
+was killed is read like any other up to its last whole record.
 """
 
 import io
@@ -28,7 +28,6 @@ from piezo_ros.bag.errors import BagError
 __all__ = ['McapFile', 'Piece']
 
 _LOOSE_BYTES: Final = 1 << 20  # messages outside chunks are handed on in pieces of this size
-_FOOTER_BYTES: Final = 29 + len(MCAP0_MAGIC)
 _read_head = struct.Struct('<BQ').unpack
 _read_chunk_head = struct.Struct('<QQQII').unpack_from
 _Index = list[NDArray[np.int64]]
@@ -73,8 +72,8 @@ class McapFile:
         All attachments.
     damage : list of str
         Sentences that say what is cut off or damaged, in the order of the file.
-    closed : bool
-        Whether the writer finished the file.
+    complete : bool
+        Whether the writer came to the end of the data.
 
     """
 
@@ -85,7 +84,7 @@ class McapFile:
         self.metadata: list[Metadata] = []
         self.attachments: list[Attachment] = []
         self.damage: list[str] = []
-        self.closed = False
+        self.complete = False
 
     def pieces(self) -> Iterator[Piece]:
         """
@@ -110,7 +109,6 @@ class McapFile:
         if magic != MCAP0_MAGIC:
             raise BagError(
                 f'{self.path} is no MCAP file: it begins with {magic!r}, not {MCAP0_MAGIC!r}')
-        self.closed = self._has_footer(file, size)
         loose: list[bytes] = []
         loose_bytes = 0
         for position, opcode, body in self._records(file, size):
@@ -129,13 +127,8 @@ class McapFile:
         if loose:
             data = b''.join(loose)
             yield Piece(data, scan(data).messages)
-
-    def _has_footer(self, file: BinaryIO, size: int) -> bool:
-        position = file.tell()
-        file.seek(max(size - _FOOTER_BYTES, 0))
-        tail = file.read()
-        file.seek(position)
-        return tail[:1] == bytes([Opcode.FOOTER]) and tail.endswith(MCAP0_MAGIC)
+        if not self.complete:
+            self.damage.append(f'{self.path.name} was not closed by its writer')
 
     def _records(self, file: BinaryIO, size: int) -> Iterator[tuple[int, int, bytes]]:
         """Yield offset, opcode and body of each whole record of the data section."""
@@ -146,6 +139,7 @@ class McapFile:
                 break
             opcode, length = _read_head(head)
             if opcode in (Opcode.DATA_END, Opcode.FOOTER):
+                self.complete = True
                 return
             if opcode == 0 or length > size - file.tell():
                 if opcode == Opcode.CHUNK:
@@ -153,7 +147,7 @@ class McapFile:
                     return
                 break
             yield position, opcode, file.read(length)
-        if position < size or not self.closed:
+        if position < size:
             self._lose(position, f'{size - position} bytes of a record that is not whole')
 
     def _message_index(self, file: BinaryIO, size: int) -> NDArray[np.int64] | None:
@@ -229,6 +223,9 @@ class McapFile:
             elif opcode == Opcode.METADATA:
                 self.metadata.append(Metadata.read(stream))
             elif opcode == Opcode.ATTACHMENT:
+                if zlib.crc32(body[:-4]) != int.from_bytes(body[-4:], 'little') != 0:
+                    self._lose(position, 'an attachment whose checksum is wrong')
+                    return
                 self.attachments.append(Attachment.read(stream))
         except (McapError, struct.error, UnicodeDecodeError) as error:
             self._lose(position, f'a record of kind {opcode} that does not parse ({error})')

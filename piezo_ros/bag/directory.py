@@ -9,6 +9,7 @@ import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from types import TracebackType
 from typing import Any, Final, NamedTuple
 
 import yaml
@@ -34,8 +35,9 @@ class Topic(NamedTuple):
 
     Attributes
     ----------
-    name, type_name : str
-        Resolved topic name and message type, such as ``std_msgs/msg/String``.
+    name, type_name, serialization : str
+        Resolved topic name, message type, such as ``std_msgs/msg/String``, and encoding of the
+        messages, ``cdr`` in all of ROS 2.
     definition, definition_encoding : str
         Text of the type with all types in it, and its language (``ros2msg`` or ``ros2idl``).
     type_hash : str
@@ -47,6 +49,7 @@ class Topic(NamedTuple):
 
     name: str
     type_name: str
+    serialization: str
     definition: str
     definition_encoding: str
     type_hash: str
@@ -98,18 +101,17 @@ class BagDirectory:
         self._schemas: dict[tuple[str, str, str], int] = {}
         self._first_ns = _MAXIMUM_TIME_NS
         self._last_ns = 0
-        self._failed = False
         try:
             self.path.mkdir(parents=True)
+            self._file = self.file_path.open('xb')
         except FileExistsError:
             raise BagExistsError(f'{self.path} exists; a bag is never overwritten') from None
         except OSError as error:
             raise BagError(f'cannot create the bag {self.path}: {error.strerror}') from error
         with self._disk():
-            self._file = self.file_path.open('xb')
             self._writer = Writer(
                 self._file, chunk_size=_CHUNK_BYTES, compression=COMPRESSIONS[compression])
-            self._writer.start(profile='ros2', library='piezo_ros')  # type: ignore[no-untyped-call]
+            self._writer.start(profile='ros2', library='piezo_ros')
 
     @contextmanager
     def _disk(self) -> Iterator[None]:
@@ -120,10 +122,8 @@ class BagDirectory:
 
     def failure(self, error: OSError) -> BagError:
         """Give the file up after an error of the disk and return the error to raise."""
-        self._failed = True
-        if hasattr(self, '_file'):
-            # Not the buffered close, which would try the failed write again.
-            self._file.raw.close()
+        # Not the buffered close, which would try the failed write again.
+        self._file.raw.close()
         return BagError(
             f'cannot write {self.file_path}: {error.strerror}; what was flushed before can be '
             f'recovered with `piezo bag salvage {self.path}`')
@@ -140,10 +140,12 @@ class BagDirectory:
             self._schemas[key] = self._writer.register_schema(
                 topic.type_name, topic.definition_encoding, topic.definition.encode())
         self._channels.append(_Channel(topic))
-        return self._writer.register_channel(topic.name, 'cdr', self._schemas[key], {
-            'offered_qos_profiles': plain_yaml(topic.qos),
-            'topic_type_hash': topic.type_hash,
-        })
+        return self._writer.register_channel(
+            topic.name, topic.serialization, self._schemas[key],
+            {
+                'offered_qos_profiles': plain_yaml(topic.qos),
+                'topic_type_hash': topic.type_hash,
+            })
 
     def add_metadata(self, name: str, entries: Mapping[str, str]) -> None:
         """Write a metadata record, ahead of the messages that are not in the file yet."""
@@ -197,6 +199,19 @@ class BagDirectory:
             unfinished.write_text(text, encoding='utf-8')
             os.replace(unfinished, self.path / 'metadata.yaml')
 
+    def __enter__(self) -> 'BagDirectory':
+        """Return the directory."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """Close the directory, so that what was written before an error is a whole bag."""
+        self.close()
+
     def _information(self) -> dict[str, Any]:
         """Return the body of ``metadata.yaml``; rosbag2 needs every one of these keys."""
         messages = sum(channel.messages for channel in self._channels)
@@ -214,7 +229,7 @@ class BagDirectory:
                     'topic_metadata': {
                         'name': channel.topic.name,
                         'type': channel.topic.type_name,
-                        'serialization_format': 'cdr',
+                        'serialization_format': channel.topic.serialization,
                         'offered_qos_profiles': channel.topic.qos,
                         'type_description_hash': channel.topic.type_hash,
                     },

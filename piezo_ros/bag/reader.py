@@ -47,7 +47,8 @@ class Run:
     metadata : dict of str to str
         The metadata record 'piezo_ros'; empty for a foreign recording.
     lost : tuple of str
-        Sentences that say what is missing; empty unless losses were allowed.
+        Sentences that say what is missing; empty unless losses were allowed or the bag came from
+        `salvage`.
     topics : tuple of str
         Names of all topics in the bag.
 
@@ -187,8 +188,7 @@ def read(path: Path | str, *, namespace: str | None = None, allow_loss: bool = F
         path=path, namespace=chosen, sample_period_s=period_s, start_index=start,
         samples=stop - start, parameters=_parameters(path, contents.attachments),
         metadata=metadata, topics=tuple(sorted(contents.topics)), _streams=streams,
-        lost=tuple(
-            [*metadata.get(LOST_KEY, '').splitlines(), *contents.damage, *problems]))
+        lost=(*metadata.get(LOST_KEY, '').splitlines(), *contents.damage, *problems))
 
 
 class _Contents:
@@ -211,8 +211,6 @@ class _Contents:
         self.metadata += file.metadata
         self.attachments += file.attachments
         self.damage += file.damage
-        if not file.closed:
-            self.damage.append(f'{path.name} was not closed by its writer')
 
     def _take(self, file: McapFile, piece: Piece) -> None:
         channels = unaligned(piece.data, '<u2')[piece.messages + _CHANNEL_OFFSET]

@@ -4,7 +4,7 @@ import struct
 from collections.abc import Mapping
 from pathlib import Path
 from types import TracebackType
-from typing import Final, Self
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,11 +67,13 @@ class BagWriter:
         self._bag = BagDirectory(directory, compression=compression, custom_data=record)
         # Ahead of the first chunk, so that they outlive a cut of the file anywhere behind.
         self._bag.add_metadata(RECORD_NAME, record)
+        self._bag.flush()
         self._streams: dict[str, tuple[int, BlockCodec]] = {}
         for stream in STREAMS:
             if stream in names:
                 topic = Topic(
-                    names[stream], TYPE_NAME, DEFINITION, 'ros2msg', TYPE_HASH, STREAM_QOS)
+                    names[stream], TYPE_NAME, 'cdr', DEFINITION, 'ros2msg', TYPE_HASH,
+                    STREAM_QOS)
                 self._streams[stream] = (self._bag.add_topic(topic), BlockCodec(stream))
 
     @property
@@ -93,6 +95,7 @@ class BagWriter:
         """
         self._check_open()
         self._bag.add_attachment(PARAMETERS_NAME, 'application/yaml', yaml_text.encode())
+        self._bag.flush()
 
     def write(self, stream: str, raw: bytes) -> None:
         """
@@ -174,7 +177,7 @@ class BagWriter:
         """Write the index and ``metadata.yaml``; does nothing the second time."""
         self._bag.close()
 
-    def __enter__(self) -> Self:
+    def __enter__(self) -> 'BagWriter':
         """Return the writer."""
         return self
 

@@ -1,0 +1,173 @@
+"""Rescue of what is whole in a bag that was cut off or damaged."""
+
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import yaml
+from mcap.records import Attachment, Channel, Metadata
+
+from piezo_ros.bag.chunk_scan import HEAD_BYTES, MESSAGE_HEAD_BYTES
+from piezo_ros.bag.container import McapFile
+from piezo_ros.bag.directory import BagDirectory, Topic
+from piezo_ros.bag.errors import BagError
+from piezo_ros.bag.layout import mcap_files
+from piezo_ros.bag.reader import LOST_KEY
+from piezo_ros.bag.writer import FORMAT_VERSION, RECORD_NAME
+
+__all__ = ['Salvage', 'salvage']
+
+_ROSBAG2_RECORD: Final = 'rosbag2'  # counts of the cut bag; the new bag has its own
+_read_message_head = struct.Struct('<xQHIQQ').unpack_from
+
+
+@dataclass(frozen=True)
+class Salvage:
+    """
+    What came of a salvage.
+
+    Attributes
+    ----------
+    path : Path
+        The new bag.
+    messages : dict of str to int
+        Topic to number of messages in it.
+    lost : tuple of str
+        Sentences that say what could not be recovered; empty if the bag was whole.
+
+    """
+
+    path: Path
+    messages: dict[str, int]
+    lost: tuple[str, ...]
+
+
+def salvage(path: Path | str, output: Path | str, *, compression: str = 'zstd') -> Salvage:
+    """
+    Write a new whole bag with everything that is whole in a cut or damaged one.
+
+    All topics are kept, with their log times, and so are metadata and attachments. Of a chunk cut
+    in the middle the whole messages are kept if it is uncompressed, else none. What is lost is
+    also noted in the new bag, where `read` finds it.
+
+    Parameters
+    ----------
+    path : Path or str
+        A rosbag2 directory with MCAP storage, with or without ``metadata.yaml``, or an MCAP file.
+    output : Path or str
+        The directory to write; must not exist.
+    compression : str, optional
+        Compression of the new chunks: ``zstd``, ``lz4`` or ``none``.
+
+    Returns
+    -------
+    Salvage
+        Counts, and what was lost.
+
+    Raises
+    ------
+    BagExistsError
+        If the output exists.
+    BagError
+        If the bag cannot be read, no message in it is whole, or the output cannot be written.
+
+    """
+    files = mcap_files(Path(path))
+    # Read twice, because losses and channels are known at the end but stand at the beginning.
+    survey = _Survey()
+    for file in files:
+        survey.add(file)
+    if not survey.messages:
+        raise BagError(f'{path} holds no whole message: {"; ".join(survey.lost)}')
+    record = survey.record()
+    with BagDirectory(Path(output), compression=compression, custom_data=record) as bag:
+        if record:
+            bag.add_metadata(RECORD_NAME, record)
+        for metadata in survey.metadata:
+            bag.add_metadata(metadata.name, metadata.metadata)
+        for attachment in survey.attachments:
+            bag.add_attachment(attachment.name, attachment.media_type, attachment.data)
+        numbers = {topic.name: bag.add_topic(topic) for topic in survey.topics.values()}
+        for file in files:
+            for name, log_time_ns, publish_time_ns, data in _messages(McapFile(file)):
+                if name in numbers:
+                    bag.write(numbers[name], log_time_ns, publish_time_ns, data)
+    return Salvage(Path(output), dict(survey.messages), tuple(survey.lost))
+
+
+class _Survey:
+    """What is whole in the files of a bag, apart from the messages themselves."""
+
+    def __init__(self) -> None:
+        self.topics: dict[str, Topic] = {}
+        self.messages: dict[str, int] = {}
+        self.metadata: list[Metadata] = []
+        self.attachments: list[Attachment] = []
+        self.lost: list[str] = []
+        self._own: dict[str, str] = {}
+
+    def add(self, path: Path) -> None:
+        """Look through one file."""
+        file = McapFile(path)
+        nameless = 0
+        for name, *_ in _messages(file):
+            if name in self.topics or self._announce(file, name):
+                self.messages[name] = self.messages.get(name, 0) + 1
+            else:
+                nameless += 1
+        for channel in file.channels.values():
+            if channel.topic not in self.topics:
+                self._announce(file, channel.topic)
+        self.lost += file.damage
+        if nameless:
+            self.lost.append(f'{path.name}: {nameless} messages of an unknown topic or type')
+        for metadata in file.metadata:
+            if metadata.name == RECORD_NAME:
+                self._own.update(metadata.metadata)
+            elif metadata.name != _ROSBAG2_RECORD and metadata not in self.metadata:
+                self.metadata.append(metadata)
+        self.attachments += [
+            attachment for attachment in file.attachments if attachment not in self.attachments]
+
+    def _announce(self, file: McapFile, name: str) -> bool:
+        """Note a topic; False if its channel or its type did not survive."""
+        for channel in file.channels.values():
+            if channel.topic == name and channel.schema_id in file.schemas:
+                schema = file.schemas[channel.schema_id]
+                self.topics[name] = Topic(
+                    name, schema.name, channel.message_encoding,
+                    schema.data.decode('utf-8', 'replace'), schema.encoding,
+                    channel.metadata.get('topic_type_hash', ''), _qos(channel))
+                return True
+        return False
+
+    def record(self) -> dict[str, str]:
+        """Return the metadata record of this package for the new bag, empty if it needs none."""
+        record = dict(self._own)
+        lost = [*record.get(LOST_KEY, '').splitlines(), *self.lost]
+        if lost:
+            record[LOST_KEY] = '\n'.join(lost)
+            record.setdefault('format_version', FORMAT_VERSION)
+        return record
+
+
+def _qos(channel: Channel) -> list[dict[str, Any]]:
+    """Return the offered quality of service of a channel, none where it does not parse."""
+    try:
+        profiles = yaml.safe_load(channel.metadata.get('offered_qos_profiles', ''))
+    except yaml.YAMLError:
+        return []
+    return profiles if isinstance(profiles, list) else []
+
+
+def _messages(file: McapFile) -> Iterator[tuple[str, int, int, bytes]]:
+    """Yield topic name (empty if unknown), log time, publish time and bytes of each message."""
+    for piece in file.pieces():
+        for start in piece.messages.tolist():
+            length, number, _, log_time_ns, publish_time_ns = _read_message_head(
+                piece.data, start)
+            channel = file.channels.get(number)
+            data = piece.data[start + MESSAGE_HEAD_BYTES:start + HEAD_BYTES + length]
+            yield channel.topic if channel else '', log_time_ns, publish_time_ns, data
