@@ -179,8 +179,8 @@ def score(run: 'Run', *, periods: float = 4, bag: str, wall_seconds: float) -> S
 
 def _entry(metadata: Mapping[str, str], key: str) -> str:
     if key not in metadata:
-        raise ValueError(
-            f'the metadata of the run lacks {key!r}, it has {", ".join(sorted(metadata)) or "none"}')
+        present = ', '.join(sorted(metadata)) or 'none'
+        raise ValueError(f'the metadata of the run lacks {key!r}, it has {present}')
     return metadata[key]
 
 

@@ -1,0 +1,113 @@
+"""The results as a table: aligned text for a terminal, CSV for everything else."""
+
+import csv
+import io
+from collections.abc import Callable, Sequence
+from dataclasses import fields
+from pathlib import Path
+from typing import Final, NamedTuple
+
+from piezo_ros.report.comparison import scheme_label
+from piezo_ros.report.files import write_atomically
+from piezo_ros.report.score import ScoredRun
+
+__all__ = ['COLUMNS', 'Column', 'text_table', 'write_csv']
+
+_ABSENT: Final = '–'
+
+
+class Column(NamedTuple):
+    """
+    One column of a table of runs.
+
+    Attributes
+    ----------
+    title, unit : str
+        Heading; the unit is empty for names and counts.
+    text : callable
+        Formats the column's value of one run.
+    is_number : bool
+        Numbers are aligned to the right.
+
+    """
+
+    title: str
+    unit: str
+    text: Callable[[ScoredRun], str]
+    is_number: bool = True
+
+
+def _or_absent(value: float | None, form: str) -> str:
+    return _ABSENT if value is None else format(value, form)
+
+
+COLUMNS: Final = (
+    Column('scheme', '', lambda run: scheme_label(run.scheme), is_number=False),
+    Column('waveform', '', lambda run: run.waveform, is_number=False),
+    Column('amplitude', 'µm', lambda run: f'{run.amplitude_um:g}'),
+    Column('frequency', 'Hz', lambda run: f'{run.frequency_hz:g}'),
+    Column('m', '', lambda run: str(run.harmonics)),
+    Column('NRMSE', '%', lambda run: f'{run.nrmse_percent:.2f}'),
+    Column('paper', '%', lambda run: _or_absent(run.paper_nrmse_percent, '.2f')),
+    Column('deviation', '%', lambda run: _or_absent(run.deviation_percent, '+.1f')),
+    Column('max error', 'µm', lambda run: f'{run.max_error_um:.3f}'),
+    Column('samples', '', lambda run: str(run.samples)),
+    Column('wall time', 's', lambda run: _or_absent(run.wall_seconds or None, '.2f')),
+    Column('rate', 'samples/s', lambda run: _or_absent(run.samples_per_wall_second, '.0f')),
+)
+
+
+def text_table(runs: Sequence[ScoredRun]) -> str:
+    """
+    Return the results as aligned plain text.
+
+    Parameters
+    ----------
+    runs : sequence of ScoredRun
+        One row each.
+
+    Returns
+    -------
+    str
+        A heading, a line of units, a rule and the rows; every line ends in a line feed.
+
+    """
+    rows = [
+        [column.title for column in COLUMNS],
+        [column.unit for column in COLUMNS],
+        *([column.text(run) for column in COLUMNS] for run in runs)]
+    widths = [max(len(row[i]) for row in rows) for i in range(len(COLUMNS))]
+
+    def line(row: Sequence[str]) -> str:
+        return '  '.join(
+            text.rjust(width) if column.is_number else text.ljust(width)
+            for column, text, width in zip(COLUMNS, row, widths, strict=True)).rstrip()
+
+    rule = '  '.join('-' * width for width in widths)
+    return ''.join(f'{text}\n' for text in (
+        line(rows[0]), line(rows[1]), rule, *(line(row) for row in rows[2:])))
+
+
+def write_csv(path: Path, runs: Sequence[ScoredRun]) -> None:
+    """
+    Write the results as CSV, numbers in full precision.
+
+    Parameters
+    ----------
+    path : Path
+        The file; replaced atomically.
+    runs : sequence of ScoredRun
+        One row each, the columns named as in report.json; an absent published number is empty.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be written.
+
+    """
+    text = io.StringIO(newline='')
+    names = [field.name for field in fields(ScoredRun) if field.compare]
+    writer = csv.DictWriter(text, names, restval='', lineterminator='\n')
+    writer.writeheader()
+    writer.writerows(run.record() for run in runs)
+    write_atomically(path, text.getvalue())
