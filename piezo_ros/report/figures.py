@@ -280,5 +280,5 @@ def _nrmse_legend(figure: Figure, runs: Sequence[ScoredRun], left: float) -> Non
         handles.append(axes.plot([], [], linestyle='none', marker='o', markersize=7.0,
                                  markerfacecolor='none', markeredgecolor=INK, label='paper')[0])
     figure.legend(handles=handles, loc='upper left', bbox_to_anchor=(left, 1.0),
-                  ncols=len(handles), borderpad=0, borderaxespad=0.2, handlelength=1.6,
+                  ncols=len(handles), borderpad=0, borderaxespad=0.5, handlelength=1.6,
                   columnspacing=1.8)

@@ -171,7 +171,7 @@ def score(run: 'Run', *, periods: float = 4, bag: str, wall_seconds: float) -> S
         samples=run.samples,
         wall_seconds=float(wall_seconds),
         paper_nrmse_percent=table_4(scheme, amplitude_um, frequency_hz) if published else None,
-        time_s=np.arange(window.start, window.stop) * run.sample_period_s,
+        time_s=run.time_s[window],
         reference_um=reference_um,
         displacement_um=displacement_um,
         voltage_v=np.asarray(run.voltage_v, dtype=np.float64)[window])

@@ -8,13 +8,14 @@ from piezo_ros.report import score
 _LAG_SAMPLES = {'fb': 30, 'ff': 3, 'fbff': 2}
 
 
-def synthetic_run(scheme='ff', *, samples=6000, sample_period_s=1e-5, **metadata):
+def synthetic_run(
+        scheme='ff', *, samples=6000, start_index=0, sample_period_s=1e-5, **metadata):
     """Return a run as the bag reader gives it: a lagging triangle with a little ripple."""
     values = {
         'scheme': scheme, 'waveform': 'triangle', 'amplitude_um': '2.0', 'frequency_hz': '300.0',
         'harmonics': '9', 'seed': '1', 'sample_period_s': repr(sample_period_s), **metadata}
     lag = _LAG_SAMPLES.get(scheme, 5)
-    k = np.arange(samples)
+    k = np.arange(start_index, start_index + samples)
     cycles = float(values['frequency_hz']) * sample_period_s
     amplitude_um = float(values['amplitude_um'])
 
@@ -26,6 +27,7 @@ def synthetic_run(scheme='ff', *, samples=6000, sample_period_s=1e-5, **metadata
     voltage_v = displacement_um / 1.1 + 0.2 * np.sign(np.gradient(displacement_um))
     return SimpleNamespace(
         samples=samples, sample_period_s=sample_period_s, metadata=values,
+        time_s=k * sample_period_s,
         reference_um=reference_um, displacement_um=displacement_um, voltage_v=voltage_v)
 
 

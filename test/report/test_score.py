@@ -3,6 +3,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+from piezo_ros.bag import BagWriter, read
 from piezo_ros.report import score
 
 
@@ -16,9 +17,9 @@ def test_only_the_last_four_periods_are_scored(make_run):
 
 
 def test_the_window_keeps_the_time_of_the_run(make_run):
-    run = score(make_run(), periods=2, bag='b', wall_seconds=1.0)
+    run = score(make_run(start_index=100), periods=2, bag='b', wall_seconds=1.0)
     assert run.time_s.size == run.reference_um.size == run.voltage_v.size == 666
-    assert run.time_s[-1] == pytest.approx(5999e-5)
+    assert run.time_s[-1] == pytest.approx(6099e-5)
     assert run.window_ms[0] == 0.0
     assert run.window_ms[-1] == pytest.approx(6.65)
 
@@ -85,6 +86,18 @@ def test_an_impossible_wall_time_is_refused(make_run, seconds):
 def test_a_run_shorter_than_the_window_is_refused(make_run):
     with pytest.raises(ValueError, match='1333 samples'):
         score(make_run(samples=1000), bag='b', wall_seconds=1.0)
+
+
+def test_a_recorded_run_scores_as_it_did_before_it_was_recorded(make_run, tmp_path):
+    run = make_run('fbff')
+    with BagWriter(tmp_path / 'bag', metadata=run.metadata) as bag:
+        for stream, samples in (('reference', run.reference_um), ('voltage', run.voltage_v),
+                                ('displacement', [*run.displacement_um, 7.0])):
+            bag.write_block(stream, 0, run.sample_period_s, samples)
+            bag.write_block(stream, len(samples), run.sample_period_s, [])
+    recorded = score(read(tmp_path / 'bag'), bag='b', wall_seconds=1.0)
+    assert recorded == score(run, bag='b', wall_seconds=1.0)
+    assert np.array_equal(recorded.time_s, score(run, bag='b', wall_seconds=1.0).time_s)
 
 
 def test_importing_the_metrics_does_not_import_matplotlib():
