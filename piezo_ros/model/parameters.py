@@ -9,9 +9,12 @@ with the same words.
 import dataclasses
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple, Self
+from typing import Any, NamedTuple, TypeVar
 
 __all__ = ['Constraint', 'ParameterError', 'ParameterSet', 'constraint_of', 'parameter']
+
+
+_Set = TypeVar('_Set', bound='ParameterSet')
 
 
 class ParameterError(ValueError):
@@ -94,7 +97,7 @@ class ParameterSet:
         """Refuse combinations of values that are each allowed alone (default: none)."""
 
     @classmethod
-    def from_mapping(cls, values: Mapping[str, Any]) -> Self:
+    def from_mapping(cls: type[_Set], values: Mapping[str, Any]) -> _Set:
         """
         Build the set from names and values.
 
@@ -116,7 +119,7 @@ class ParameterSet:
                     f'unknown parameter {name!r}; {cls.__name__} has {", ".join(names)}')
         return cls(**values)
 
-    def replaced(self, **values: Any) -> Self:
+    def replaced(self: _Set, **values: Any) -> _Set:
         """Return a copy with some values replaced, checked again."""
         return self.from_mapping({**self.to_mapping(), **values})
 
@@ -142,9 +145,10 @@ def _converted(field: 'dataclasses.Field[Any]', value: Any) -> Any:
         valid = number
         value = float(value) if valid else value
     elif isinstance(default, tuple):
-        valid = not isinstance(value, str) and isinstance(value, Sequence) or hasattr(value, 'tolist')
-        if valid:
-            value = tuple(float(element) for element in value)
+        value = value.tolist() if hasattr(value, 'tolist') else value  # numpy's and array.array
+        valid = isinstance(value, list | tuple) and all(
+            isinstance(element, int | float) for element in value)
+        value = tuple(map(float, value)) if valid else value
     else:
         valid = isinstance(value, str)
     if not valid:

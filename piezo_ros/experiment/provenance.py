@@ -1,0 +1,74 @@
+"""What a bag says about the run it holds: metadata out of the parameters of the nodes."""
+
+from collections.abc import Mapping
+from importlib import metadata
+from typing import Any
+
+import yaml
+
+__all__ = ['NODES', 'parameters_yaml', 'run_metadata', 'software_versions']
+
+NODES = ('compensator', 'controller', 'plant', 'trajectory')
+_DESCRIBING = {
+    'controller': ('scheme',),
+    'trajectory': (
+        'waveform', 'amplitude_um', 'frequency_hz', 'harmonics', 'periods', 'sample_period_s'),
+    'plant': ('seed',),
+}
+_PACKAGES = ('numpy', 'scipy', 'numba', 'control', 'mcap', 'matplotlib', 'rclpy')
+
+
+def software_versions() -> dict[str, str]:
+    """Return the versions of this package and of what it stands on, '' for what is absent."""
+    versions = {'piezo_ros': _version('piezo_ros')}
+    versions.update((name, _version(name)) for name in _PACKAGES)
+    return versions
+
+
+def _version(name: str) -> str:
+    try:
+        return metadata.version(name)
+    except metadata.PackageNotFoundError:
+        return ''
+
+
+def run_metadata(parameters: Mapping[str, Mapping[str, Any]]) -> dict[str, str]:
+    """
+    Return the entries of a bag's metadata record.
+
+    Parameters
+    ----------
+    parameters : mapping of str to mapping
+        Node name (without namespace) to its parameters; foreign nodes may lack any.
+
+    Returns
+    -------
+    dict of str to str
+        Scheme, waveform, amplitude, frequency, harmonics, seed … as far as known, and versions.
+
+    """
+    entries = {
+        name: str(parameters[node][name])
+        for node, names in _DESCRIBING.items() if node in parameters
+        for name in names if name in parameters[node]}
+    entries.update(
+        (f'version.{name}', version) for name, version in software_versions().items() if version)
+    return entries
+
+
+def parameters_yaml(namespace: str, parameters: Mapping[str, Mapping[str, Any]]) -> str:
+    """
+    Return a ROS parameter file of all nodes.
+
+    Parameters
+    ----------
+    namespace : str
+        Namespace of the nodes, '/' for none.
+    parameters : mapping of str to mapping
+        Node name to its parameters.
+
+    """
+    prefix = namespace.rstrip('/')
+    return yaml.safe_dump({
+        f'{prefix}/{node}': {'ros__parameters': dict(values)}
+        for node, values in sorted(parameters.items())}, sort_keys=True)

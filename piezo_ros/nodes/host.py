@@ -1,0 +1,139 @@
+"""The process around one or several stages: signals, executor thread, stream loop, exit code."""
+
+import os
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable, Sequence
+from types import FrameType
+
+import rclpy
+from rclpy.lifecycle import TransitionCallbackReturn
+from rclpy.signals import SignalHandlerOptions
+
+from piezo_ros.nodes.stage import Stage
+
+__all__ = ['host']
+
+_HOUSEKEEPING_S = 0.05
+_YIELD_S = 0.02  # how long an empty loop only yields before it sleeps
+_SHORT_SLEEP_S = 0.001
+_LONG_SLEEP_S = 0.01
+
+
+class _Stop:
+    """Remembers that the process was asked to end."""
+
+    def __init__(self) -> None:
+        self.signal_number = 0
+        self.stages: list[Stage] = []
+
+    def __call__(self, signal_number: int, _frame: FrameType | None) -> None:
+        self.signal_number = signal_number
+        for stage in self.stages:
+            stage.stop_requested = True
+
+
+def host(make_stages: Callable[[], Sequence[Stage]], arguments: list[str] | None = None) -> int:
+    """
+    Run stages until their runs are over or the process is asked to end.
+
+    Parameters
+    ----------
+    make_stages : callable
+        Makes the stages once rclpy is there, in the order of bring-up (readers first).
+    arguments : list of str, optional
+        Command line, ``sys.argv`` by default.
+
+    Returns
+    -------
+    int
+        Exit code: 0 for a run that ended well, 1 for any other.
+
+    """
+    stop = _Stop()
+    signal.signal(signal.SIGINT, stop)
+    signal.signal(signal.SIGTERM, stop)
+    rclpy.init(
+        args=sys.argv if arguments is None else arguments,
+        signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        return _serve(make_stages, stop)
+    finally:
+        rclpy.try_shutdown()
+
+
+def _serve(make_stages: Callable[[], Sequence[Stage]], stop: _Stop) -> int:
+    from rclpy.experimental import EventsExecutor
+    executor = EventsExecutor()
+    stages = list(make_stages())
+    stop.stages = stages
+    for stage in stages:
+        executor.add_node(stage)
+    closing = threading.Event()
+
+    def serve_services() -> None:
+        while not closing.is_set():
+            executor.spin_once(0.5)
+
+    thread = threading.Thread(target=serve_services, name='executor', daemon=True)
+    thread.start()
+    try:
+        started = _bring_up(stages, stop)
+        if started:
+            _stream_loop(stages, stop)
+        for stage in stages:
+            stage.stop(f'signal {stop.signal_number}' if stop.signal_number else 'peers failed')
+        for stage in stages:
+            stage.await_acknowledgements()
+        failed = not started or any(stage.failed for stage in stages)
+        return 1 if failed or stop.signal_number else 0
+    finally:
+        closing.set()
+        executor.wake()
+        thread.join(timeout=2.0)
+        for stage in stages:
+            stage.destroy_node()
+
+
+def _bring_up(stages: Sequence[Stage], stop: _Stop) -> bool:
+    """Configure and activate the stages that start by themselves."""
+    own = [stage for stage in stages if stage.get_parameter('autostart').value]
+    for transition in ('trigger_configure', 'trigger_activate'):
+        for stage in own:
+            if stop.signal_number:
+                return False
+            if getattr(stage, transition)() != TransitionCallbackReturn.SUCCESS:
+                return False
+    return True
+
+
+def _stream_loop(stages: Sequence[Stage], stop: _Stop) -> None:
+    serves = [stage.serve for stage in stages]
+    last_progress = next_housekeeping = time.monotonic()
+    turns = 0
+    while not stop.signal_number:
+        progress = False
+        for serve in serves:
+            if serve():
+                progress = True
+        turns += 1
+        if progress and turns & 63:
+            continue
+        now = time.monotonic()
+        if progress:
+            last_progress = now
+        elif now - last_progress < _YIELD_S:
+            os.sched_yield()
+        else:
+            active = any(stage.running for stage in stages)
+            time.sleep(_SHORT_SLEEP_S if active else _LONG_SLEEP_S)
+        if now >= next_housekeeping:
+            next_housekeeping = now + _HOUSEKEEPING_S
+            for stage in stages:
+                stage.housekeeping(now)
+        if not progress and all(
+                stage.over and not stage.running and stage.settings.exit_on_end
+                for stage in stages):
+            return

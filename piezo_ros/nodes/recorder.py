@@ -1,0 +1,214 @@
+"""The recorder: every block of every stream into a bag, with the parameters of all nodes."""
+
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rclpy.parameter import parameter_value_to_python
+from rclpy.parameter_client import AsyncParameterClient
+
+from piezo_ros.bag import STREAMS, BagError, BagWriter
+from piezo_ros.experiment.provenance import parameters_yaml, run_metadata
+from piezo_ros.model.parameters import ParameterError, ParameterSet, parameter
+from piezo_ros.nodes.parameters import read
+from piezo_ros.nodes.stage import Stage
+from piezo_ros.nodes.streams import StreamFault
+
+__all__ = ['Recorder', 'RecorderParameters']
+
+_AT_ONCE = 64  # blocks of one stream before the next one's turn
+_SETTLE_S = 0.2  # how long a stopped recorder waits for what is still on its way
+
+
+@dataclass(frozen=True, kw_only=True)
+class RecorderParameters(ParameterSet):
+    """Where and what to record."""
+
+    bag_directory: str = parameter(
+        '', '', 'directory of the bag; must not exist; empty: named after date and time')
+    streams: str = parameter(
+        ','.join(STREAMS), '', 'streams to record, separated by commas')
+    compression: str = parameter(
+        'zstd', '', 'compression of the chunks', choices=('zstd', 'lz4', 'none'))
+    flush_period_s: float = parameter(
+        1.0, 's', 'wall-clock time after which what was recorded is on its way to the disk',
+        minimum=0.01, maximum=1e6)
+    parameters_timeout_s: float = parameter(
+        3.0, 's', 'how long to wait for the parameters of the other nodes',
+        minimum=0.0, maximum=1e6)
+
+    def check_together(self) -> None:
+        """Refuse streams that do not exist."""
+        for stream in self.stream_names:
+            if stream not in STREAMS:
+                raise ParameterError(
+                    f'streams has {stream!r}, allowed are {", ".join(STREAMS)}')
+
+    @property
+    def stream_names(self) -> tuple[str, ...]:
+        """The streams as a tuple."""
+        return tuple(name.strip() for name in self.streams.split(','))
+
+
+class Recorder(Stage):
+    """Writes what arrives; closes the bag when every stream has ended."""
+
+    def __init__(self) -> None:
+        self._bag: BagWriter | None = None
+        super().__init__('recorder', RecorderParameters)
+
+    def configure(self) -> None:
+        """Decide where to record; a directory that exists is refused now, not later."""
+        self._recording = read(self, RecorderParameters)
+        self.inputs = self._recording.stream_names
+        name = self._recording.bag_directory or time.strftime('piezo_%Y_%m_%d-%H_%M_%S')
+        self._directory = Path(name).absolute()
+        if self._directory.exists():
+            raise ParameterError(f'bag_directory {self._directory} exists; it is not overwritten')
+
+    def start(self) -> None:
+        """Ask the other nodes for their parameters; the bag begins with them."""
+        self._started_s = time.monotonic()
+        self._next_flush_s = self._started_s + self._recording.flush_period_s
+        self._peers = _PeerParameters(self)
+
+    def poll(self) -> bool:
+        """Write what has arrived."""
+        if self._bag is None and not self._open():
+            return False
+        assert self._bag is not None
+        progress = False
+        try:
+            for stream, reader in self.readers.items():
+                for _ in range(_AT_ONCE):
+                    if reader.take() is None:
+                        break
+                    self._bag.write(stream, reader.raw)
+                    progress = True
+        except BagError as error:
+            raise StreamFault(str(error)) from None
+        if not progress and all(reader.ended for reader in self.readers.values()):
+            self.finish()
+        return progress
+
+    def watch(self, now_s: float) -> None:
+        """Hand what was recorded to the operating system now and then."""
+        if self._bag is not None and now_s >= self._next_flush_s:
+            self._next_flush_s = now_s + self._recording.flush_period_s
+            try:
+                self._bag.flush()
+            except BagError as error:
+                raise StreamFault(str(error)) from None
+
+    def quiesce(self) -> None:
+        """Take what is still on its way and close the bag."""
+        if self._bag is None and not self._open(now=True):
+            return
+        assert self._bag is not None
+        try:
+            self._take_the_rest(self._bag)
+            self._bag.close()
+        except BagError as error:
+            self.failed = True
+            self.get_logger().error(f'cannot finish the bag: {error}')
+        self._bag = None
+
+    def _take_the_rest(self, bag: BagWriter) -> None:
+        open_readers = [reader for reader in self.readers.values() if not reader.ended]
+        quiet_since = time.monotonic()
+        while open_readers and time.monotonic() - quiet_since < _SETTLE_S:
+            for reader in list(open_readers):
+                try:
+                    while reader.take() is not None:
+                        bag.write(reader.stream, reader.raw)
+                        quiet_since = time.monotonic()
+                except StreamFault as fault:
+                    self.get_logger().warning(str(fault))
+                    open_readers.remove(reader)
+                else:
+                    if reader.ended:
+                        open_readers.remove(reader)
+            time.sleep(0.001)
+
+    def _open(self, now: bool = False) -> bool:
+        """Open the bag once the parameters are there, or do not come."""
+        waited_s = time.monotonic() - self._started_s
+        if not (now or self._peers.complete() or waited_s > self._recording.parameters_timeout_s):
+            return False
+        parameters = self._peers.parameters
+        for name in self._peers.silent:
+            self.get_logger().warning(f'{name} did not tell its parameters; the bag lacks them')
+        try:
+            self._bag = BagWriter(
+                self._directory,
+                topics={
+                    stream: reader.subscription.topic_name
+                    for stream, reader in self.readers.items()},
+                metadata=run_metadata(parameters), compression=self._recording.compression)
+            self._bag.attach_parameters(parameters_yaml(self.get_namespace(), parameters))
+        except (BagError, ValueError) as error:
+            if self.running:
+                raise StreamFault(str(error)) from None
+            self.get_logger().error(str(error))
+            return False
+        return True
+
+    def status_fields(self) -> dict[str, Any]:
+        """Return how much was recorded."""
+        return {'index': max((reader.received for reader in self.readers.values()), default=0)}
+
+
+class _PeerParameters:
+    """Collects the parameters of the nodes that write the streams, by their services."""
+
+    def __init__(self, recorder: Recorder) -> None:
+        self.parameters: dict[str, dict[str, Any]] = {}
+        self._recorder = recorder
+        self._clients: dict[str, AsyncParameterClient] = {}
+        self._asked: set[str] = set()
+
+    @property
+    def silent(self) -> list[str]:
+        """What has not answered yet."""
+        silent = [name for name in self._clients if _base_name(name) not in self.parameters]
+        return silent or ([] if self._clients else ['every writer'])
+
+    def complete(self) -> bool:
+        """Ask whom has not been asked yet; return whether every node has answered."""
+        everyone_known = True
+        for reader in self._recorder.readers.values():
+            topic = reader.subscription.topic_name
+            for endpoint in self._recorder.get_publishers_info_by_topic(topic):
+                # Discovery tells of an endpoint before it tells of its node.
+                if endpoint.node_name.startswith('_'):
+                    everyone_known = False
+                    continue
+                name = f'{endpoint.node_namespace.rstrip("/")}/{endpoint.node_name}'
+                if name not in self._clients:
+                    self._clients[name] = AsyncParameterClient(self._recorder, name)
+        for name, client in self._clients.items():
+            if name not in self._asked and client.services_are_ready():
+                self._asked.add(name)
+                client.list_parameters(
+                    callback=lambda answer, name=name: self._got_names(name, answer))
+        return everyone_known and not self.silent
+
+    def _got_names(self, name: str, answer: Any) -> None:
+        names = list(answer.result().result.names)
+        self._clients[name].get_parameters(
+            names, callback=lambda values: self._got_values(name, names, values))
+
+    def _got_values(self, name: str, names: list[str], answer: Any) -> None:
+        self.parameters[_base_name(name)] = {
+            parameter_name: _plain(parameter_value_to_python(value))
+            for parameter_name, value in zip(names, answer.result().values, strict=True)}
+
+
+def _base_name(name: str) -> str:
+    return name.rpartition('/')[2]
+
+
+def _plain(value: Any) -> Any:
+    """Return a value that YAML can write."""
+    return list(value) if hasattr(value, '__iter__') and not isinstance(value, str) else value

@@ -1,0 +1,334 @@
+"""
+What all stages of the loop have in common: lifecycle, handshake, status, end and faults.
+
+A stage is a managed node. Its streams are served by the stream loop of the process
+(`piezo_ros.nodes.host`), everything else (parameters, services) by an executor in another thread;
+what that thread wants of a running stage is done by the stream loop between two samples.
+"""
+
+import json
+import threading
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.qos import QoSProfile
+from rclpy.subscription import Subscription
+from std_msgs.msg import String
+
+from piezo_ros.model.parameters import ParameterError, ParameterSet, parameter
+from piezo_ros.nodes.parameters import declare, read
+from piezo_ros.nodes.qos import LATCHED
+from piezo_ros.nodes.streams import StreamFault, StreamReader, StreamWriter
+
+__all__ = ['Stage', 'StageParameters']
+
+_CHECK_PEERS_S = 0.25
+_REPORT_S = 1.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class StageParameters(ParameterSet):
+    """What every stage has, whatever it computes."""
+
+    sample_period_s: float = parameter(
+        1e-5, 's', 'simulated sample period; blocks with another one end the run',
+        minimum=1e-9, maximum=1e3)
+    start_index: int = parameter(
+        0, '', 'index of the first sample; -1 takes any (replay from the middle)',
+        minimum=-1, maximum=2**53)
+    handshake_timeout_s: float = parameter(
+        10.0, 's', 'how long activation waits for the peers', minimum=0.0, maximum=1e6)
+    required_readers: int = parameter(
+        1, '', 'readers that each output needs before the run starts: 2 with a recorder',
+        minimum=0, maximum=1000)
+    autostart: bool = parameter(
+        True, '', 'configure and activate at start, without a lifecycle manager')
+    exit_on_end: bool = parameter(
+        True, '', 'end the process when the run is over')
+
+
+class Stage(LifecycleNode):
+    """
+    A managed node with block streams.
+
+    Parameters
+    ----------
+    name : str
+        Node name.
+    *sets : type of ParameterSet
+        The parameter sets of what the stage computes.
+
+    """
+
+    inputs: tuple[str, ...] = ()
+    outputs: tuple[str, ...] = ()
+
+    def __init__(self, name: str, *sets: type[ParameterSet]) -> None:
+        self._stream_subscriptions: set[Subscription[Any]] = set()
+        super().__init__(name)
+        declare(self, StageParameters, *sets)
+        self.running = False
+        self.failed = False
+        self.over = False  # a run has ended, well or not
+        self.stop_requested = False
+        self.readers: dict[str, StreamReader] = {}
+        self.writers: dict[str, StreamWriter] = {}
+        self._reason = ''
+        self._status = self.create_publisher(String, 'status', LATCHED)
+        self._next_check = 0.0
+        self._next_report = 0.0
+        self._thread = threading.get_ident()
+        self._request: Callable[[], None] | None = None
+        self._request_done = threading.Event()
+
+    # -- what a stage defines ---------------------------------------------------------------------
+
+    def configure(self) -> None:
+        """Make constants of the parameters."""
+
+    def start(self) -> None:
+        """Set all state to its initial value; the peers are there."""
+
+    def poll(self) -> bool:
+        """Do what can be done now; return whether there was anything."""
+        raise NotImplementedError
+
+    def quiesce(self) -> None:
+        """Bring whatever the stage drives to rest; called once at the end of a run."""
+
+    def watch(self, now_s: float) -> None:
+        """Look after time limits; called a few times a second while running."""
+
+    def status_fields(self) -> dict[str, Any]:
+        """Return what the stage adds to its status."""
+        return {}
+
+    def required_inputs(self) -> tuple[str, ...]:
+        """Return the inputs that must have a writer before the run starts."""
+        return self.inputs
+
+    # -- lifecycle --------------------------------------------------------------------------------
+
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Read the parameters and create every endpoint."""
+        try:
+            self.settings = read(self, StageParameters)
+            self.configure()
+        except (ParameterError, ValueError, OSError) as error:
+            self.get_logger().error(f'cannot configure: {error}')
+            self._reason = str(error)
+            return TransitionCallbackReturn.FAILURE
+        self.readers = {stream: StreamReader(self, stream) for stream in self.inputs}
+        self.writers = {stream: StreamWriter(self, stream) for stream in self.outputs}
+        self.create_endpoints()
+        self._report('inactive')
+        return TransitionCallbackReturn.SUCCESS
+
+    def create_endpoints(self) -> None:
+        """Create what the stage has beside its streams."""
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Wait for the peers, set all state to its initial value, start the run."""
+        missing = self._await_peers()
+        if missing:
+            self._reason = missing
+            self.get_logger().error(f'cannot activate: {missing}')
+            return TransitionCallbackReturn.FAILURE
+        result = TransitionCallbackReturn.SUCCESS
+
+        def begin() -> None:
+            nonlocal result
+            start_index, period_s = self.settings.start_index, self.settings.sample_period_s
+            for reader in self.readers.values():
+                reader.start(start_index, period_s)
+            for writer in self.writers.values():
+                writer.start(max(start_index, 0), period_s)
+            self.failed, self.over, self._reason = False, False, ''
+            try:
+                self.start()
+            except Exception as error:
+                self.get_logger().error(f'cannot start: {error}')
+                self._reason = str(error)
+                result = TransitionCallbackReturn.FAILURE
+                return
+            self.running = True
+            self._report('active')
+
+        self.between_samples(begin)
+        return result
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """End the run; nothing is taken any more."""
+        self.between_samples(lambda: self.stop('deactivated'))
+        for reader in self.readers.values():
+            reader.drain()
+        self._report('inactive')
+        return TransitionCallbackReturn.SUCCESS
+
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Destroy every endpoint."""
+        self.between_samples(lambda: self.stop('cleaned up'))
+        for reader in self.readers.values():
+            self._stream_subscriptions.discard(reader.subscription)
+            self.destroy_subscription(reader.subscription)
+        for writer in self.writers.values():
+            self.destroy_publisher(writer.publisher)
+        self.readers, self.writers = {}, {}
+        return TransitionCallbackReturn.SUCCESS
+
+    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """End the run."""
+        self.between_samples(lambda: self.stop('shut down'))
+        return TransitionCallbackReturn.SUCCESS
+
+    def bring_up(self) -> bool:
+        """Configure, as ``autostart`` does; return whether that went well."""
+        return self.trigger_configure() == TransitionCallbackReturn.SUCCESS
+
+    # -- stream loop ------------------------------------------------------------------------------
+
+    def serve(self) -> bool:
+        """Run one turn of the stream loop; return whether anything was done."""
+        request = self._request
+        if request is not None:
+            self._request = None
+            try:
+                request()
+            finally:
+                self._request_done.set()
+        if not self.running:
+            return False
+        try:
+            return self.poll()
+        except StreamFault as fault:
+            self.fail(str(fault))
+            return True
+
+    def housekeeping(self, now_s: float) -> None:
+        """Look after peers, time limits and status; called a few times a second."""
+        if not self.running:
+            return
+        try:
+            self.watch(now_s)
+            if now_s >= self._next_check:
+                self._next_check = now_s + _CHECK_PEERS_S
+                for stream, reader in self.readers.items():
+                    if stream in self.required_inputs():
+                        reader.check_writer()
+        except StreamFault as fault:
+            self.fail(str(fault))
+            return
+        if now_s >= self._next_report:
+            self._report('active')
+
+    def between_samples(self, action: Callable[[], None]) -> None:
+        """Let the stream loop run an action between two samples, and wait for it."""
+        if threading.get_ident() == self._thread:
+            action()
+            return
+        self._request_done.clear()
+        self._request = action
+        self._request_done.wait()
+
+    def finish(self) -> None:
+        """End the run well: pass the end on, come to rest, report."""
+        self._close('finished', '')
+
+    def fail(self, reason: str) -> None:
+        """End the run for a fault: pass the end on, come to rest, report why."""
+        if self.running:
+            self.failed = True
+            self.get_logger().error(f'run ended: {reason}')
+            self._close('faulted', reason)
+
+    def stop(self, reason: str) -> None:
+        """End the run because somebody wants it to end."""
+        self.stop_requested = True
+        if self.running:
+            self._close('stopped', reason)
+        self.stop_requested = False
+
+    def _close(self, state: str, reason: str) -> None:
+        self.running = False
+        self.over = True
+        self._reason = reason
+        for writer in self.writers.values():
+            writer.end()
+        self.quiesce()
+        self._report(state)
+
+    def await_acknowledgements(self, timeout_s: float = 5.0) -> None:
+        """Wait until every reader has what was published, so that the process may end."""
+        from rclpy.duration import Duration
+        deadline = time.monotonic() + timeout_s
+        publishers = [writer.publisher for writer in self.writers.values()]
+        for publisher in [*publishers, self._status]:
+            left_s = max(deadline - time.monotonic(), 0.01)
+            publisher.wait_for_all_acked(Duration(seconds=left_s))
+
+    # -- endpoints and status ---------------------------------------------------------------------
+
+    def create_stream_subscription(
+        self, message_type: Any, topic: str, qos: QoSProfile,
+    ) -> Subscription[Any]:
+        """Create a subscription that the stream loop takes from, hidden from the executor."""
+        subscription = self.create_subscription(message_type, topic, _never_called, qos)
+        self._stream_subscriptions.add(subscription)
+        return subscription
+
+    @property
+    def subscriptions(self) -> Iterator[Subscription[Any]]:
+        """The subscriptions that an executor shall serve: not those of the streams."""
+        for subscription in super().subscriptions:
+            if subscription not in self._stream_subscriptions:
+                yield subscription
+
+    def _await_peers(self) -> str:
+        """Return '' once every stream has its peers, else what is missing."""
+        deadline = time.monotonic() + self.settings.handshake_timeout_s
+        required = self.required_inputs()
+        while True:
+            problem = ''
+            for stream, reader in self.readers.items():
+                writers = reader.subscription.get_publisher_count()
+                if stream in required and writers != 1:
+                    problem = (
+                        f'{reader.subscription.topic_name} has {writers} writers, exactly one is '
+                        'needed')
+            for writer in self.writers.values():
+                readers = writer.publisher.get_subscription_count()
+                if readers < self.settings.required_readers:
+                    problem = (
+                        f'{writer.publisher.topic_name} has {readers} readers, '
+                        f'{self.settings.required_readers} are needed')
+            problem = problem or self.missing_peers()
+            if not problem:
+                return ''
+            if self.stop_requested:
+                return 'stopped while waiting for the peers'
+            if time.monotonic() > deadline:
+                return f'{problem} after {self.settings.handshake_timeout_s:g} s'
+            time.sleep(0.005)
+
+    def missing_peers(self) -> str:
+        """Return what else is missing before the run can start, '' for nothing."""
+        return ''
+
+    def _report(self, state: str) -> None:
+        self._next_report = time.monotonic() + _REPORT_S
+        fields = {
+            'node': self.get_name(),
+            'state': state,
+            'index': max((writer.sent for writer in self.writers.values()), default=0),
+            'refused': sum(reader.refused for reader in self.readers.values()),
+            'reason': self._reason,
+            **self.status_fields(),
+        }
+        self._status.publish(String(data=json.dumps(fields)))
+
+
+def _never_called(_message: Any) -> None:
+    """Stand in for the callback that rclpy wants; the stream loop takes the messages itself."""

@@ -1,0 +1,239 @@
+"""
+Endpoints of the block streams: raw CDR in and out, checked for order.
+
+The subscriptions are taken from directly, not through an executor; see docs/architecture.md for
+what that gains.
+"""
+
+import time
+from collections import deque
+from typing import TYPE_CHECKING, Any
+
+from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
+from std_msgs.msg import Float64MultiArray
+
+from piezo_ros.bag.block import Block, BlockCodec, MalformedBlockError
+from piezo_ros.nodes.qos import STREAM
+
+if TYPE_CHECKING:
+    from piezo_ros.nodes.stage import Stage
+
+__all__ = ['StreamFault', 'StreamReader', 'StreamWriter']
+
+_WARN_S = 2.0  # a warning of one kind at most this often
+
+
+class StreamFault(Exception):
+    """A stream that cannot go on; the text names the topic and what is wrong."""
+
+
+class StreamWriter:
+    """Publisher of one stream, sample by sample or in blocks."""
+
+    def __init__(self, stage: 'Stage', stream: str) -> None:
+        self.stream = stream
+        self.publisher = stage.create_publisher(Float64MultiArray, stream, STREAM)
+        self.sent = 0  # samples
+        self.newest = 0.0
+        self._stage = stage
+        self._codec = BlockCodec(stream)
+        self._encode_one = self._codec.encode_one
+        self._publish_raw = self.publisher.handle.publish_raw
+        self._period_s = 0.0
+        self._next = 0
+        self._ended = False
+
+    def start(self, index: int, sample_period_s: float) -> None:
+        """Begin a run at an index."""
+        self._period_s = sample_period_s
+        self._next = index
+        self.sent = 0
+        self._ended = False
+
+    def publish_one(self, value: float) -> None:
+        """Publish the next sample."""
+        self._publish(self._encode_one(self._next, self._period_s, value))
+        self._next += 1
+        self.sent += 1
+        self.newest = value
+
+    def publish(self, values: list[float]) -> None:
+        """Publish the next samples as one block."""
+        self._publish(self._codec.encode(self._next, self._period_s, values))
+        self._next += len(values)
+        self.sent += len(values)
+        self.newest = values[-1]
+
+    def end(self) -> None:
+        """Publish the end of the stream, once."""
+        if not self._ended:
+            self._ended = True
+            self._publish(self._codec.encode(self._next, self._period_s, []))
+
+    def _publish(self, raw: bytes) -> None:
+        # A reader that does not take makes publishing fail after 0.1 s: wait for it, drop nothing.
+        warned = 0.0
+        while True:
+            try:
+                self._publish_raw(raw)
+                return
+            except _rclpy.RCLError:
+                if self._stage.stop_requested:
+                    return
+                now = time.monotonic()
+                if now - warned > _WARN_S:
+                    warned = now
+                    self._stage.get_logger().warning(
+                        f'a reader of {self.publisher.topic_name} does not take its messages; '
+                        f'waiting at sample {self._next}')
+
+
+class StreamReader:
+    """Subscription of one stream; hands out blocks in order, counts what it refuses."""
+
+    def __init__(self, stage: 'Stage', stream: str) -> None:
+        self.stream = stream
+        self.subscription = stage.create_stream_subscription(Float64MultiArray, stream, STREAM)
+        self.queue: deque[float] = deque()
+        self.refused = 0
+        self.received = 0  # samples
+        self.next_index = 0
+        self.ended = False
+        self.raw = b''  # the message of the newest block
+        self._stage = stage
+        self._decode = BlockCodec(stream).decode
+        self._take_message = self.subscription.handle.take_message
+        self._period_s: float | None = None
+        self._any_start = False
+        self._warned = 0.0
+        self._lost_since: float | None = None
+
+    def start(self, index: int, sample_period_s: float | None) -> None:
+        """
+        Begin a run.
+
+        Parameters
+        ----------
+        index : int
+            Index of the first sample; -1 takes any.
+        sample_period_s : float or None
+            The only sample period that is taken; None takes that of the first block.
+
+        """
+        self.queue.clear()
+        self.next_index = max(index, 0)
+        self.received = 0
+        self.refused = 0
+        self.ended = False
+        self._any_start = index < 0
+        self._period_s = sample_period_s
+        self._lost_since = None
+
+    def drain(self) -> None:
+        """Throw away what is left of an earlier run."""
+        while self._take_message(Float64MultiArray, True) is not None:
+            pass
+
+    def take(self) -> Block | None:
+        """
+        Return the next block, None where there is none (or it was refused).
+
+        The end of the stream is a block without samples.
+
+        Raises
+        ------
+        StreamFault
+            If samples are missing or the sample period changes.
+
+        """
+        taken = self._take_message(Float64MultiArray, True)
+        if taken is None:
+            return None
+        self.raw = taken[0]
+        try:
+            block = self._decode(self.raw)
+        except MalformedBlockError as error:
+            self._refuse(str(error))
+            return None
+        index, period_s, samples = block
+        if index != self.next_index or period_s != self._period_s or self.ended:
+            if not self._accept_other(index, period_s):
+                return None
+        if samples:
+            count = len(samples)
+            self.next_index += count
+            self.received += count
+        else:
+            self.ended = True
+        self._lost_since = None
+        return block
+
+    def fill(self) -> bool:
+        """Move one block into the queue; return whether there was one."""
+        block = self.take()
+        if block is None:
+            return False
+        self.queue.extend(block.samples)
+        return True
+
+    def check_writer(self) -> None:
+        """
+        Look whether the stream still has exactly one writer.
+
+        Raises
+        ------
+        StreamFault
+            If it has several, or has had none for half a second in which nothing arrived.
+
+        """
+        if self.ended:
+            return
+        writers = self.subscription.get_publisher_count()
+        if writers > 1:
+            raise StreamFault(f'{self.subscription.topic_name} has {writers} writers')
+        now = time.monotonic()
+        if writers == 1:
+            self._lost_since = None
+        elif self._lost_since is None:
+            self._lost_since = now
+        elif now - self._lost_since > 0.5:
+            raise StreamFault(
+                f'{self.subscription.topic_name} lost its writer after sample '
+                f'{self.next_index - 1}')
+
+    def _accept_other(self, index: int, period_s: float) -> bool:
+        """Decide on a block that is not simply the next one."""
+        topic = self.subscription.topic_name
+        if self.ended or index < self.next_index and not self._any_start:
+            self._refuse(
+                f'sample {index} comes after '
+                f'{"the end" if self.ended else f"sample {self.next_index - 1}"}')
+            return False
+        if self._period_s is None:
+            self._period_s = period_s
+        if period_s != self._period_s:
+            raise StreamFault(
+                f'{topic} has the sample period {period_s!r} s, expected {self._period_s!r} s')
+        if self._any_start:
+            self._any_start = False
+            self.next_index = index
+        if index != self.next_index:
+            raise StreamFault(
+                f'{topic} lacks the samples {self.next_index} … {index - 1}')
+        return True
+
+    def _refuse(self, reason: str) -> None:
+        self.refused += 1
+        now = time.monotonic()
+        if now - self._warned > _WARN_S:
+            self._warned = now
+            self._stage.get_logger().warning(
+                f'refused a block on {self.subscription.topic_name} ({self.refused} so far): '
+                f'{reason}')
+
+
+def matched(endpoint: Any) -> int:
+    """Return how many peers a publisher or subscription is matched with."""
+    if hasattr(endpoint, 'get_subscription_count'):
+        return int(endpoint.get_subscription_count())
+    return int(endpoint.get_publisher_count())
