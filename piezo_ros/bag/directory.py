@@ -167,12 +167,12 @@ class BagDirectory:
             If the disk is full or fails, or the log time is outside 0 … 2**63 - 1 ns.
 
         """
+        if not 0 <= log_time_ns <= _MAXIMUM_TIME_NS:
+            raise BagError(f'log time {log_time_ns} ns is outside 0 … 2**63 - 1 ns')
         if log_time_ns < self._first_ns:
             self._first_ns = log_time_ns
         if log_time_ns > self._last_ns:
             self._last_ns = log_time_ns
-        if self._first_ns < 0 or self._last_ns > _MAXIMUM_TIME_NS:
-            raise BagError(f'log time {log_time_ns} ns is outside 0 … 2**63 - 1 ns')
         self._channels[channel - 1].messages += 1
         try:
             self._writer.add_message(channel, log_time_ns, data, publish_time_ns)

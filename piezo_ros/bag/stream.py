@@ -86,7 +86,7 @@ class StreamAssembler:
         # recording of ragged blocks, this costs little more than one group.
         groups = [
             self._group(piece.data, messages, lengths, length)
-            for length in np.unique(lengths).tolist()
+            for length in _distinct(lengths)
         ]
         if all(group is not None for _, group in groups):
             self._parts.append(_merged(groups, messages.size))
@@ -162,11 +162,14 @@ class StreamAssembler:
         indices, periods, counts = blocks.indices, blocks.periods_s, blocks.counts
         if not indices.size:
             return 0, self._malformed
-        expected = indices[0] + np.append(0, np.cumsum(counts)[:-1])
+        sent = np.append(0, np.cumsum(counts)[:-1])
+        expected = indices[0] + sent
+        # An end carries the count of samples sent, which is less where the first index is not 0.
+        continues = (indices == expected) | ((counts == 0) & (indices == sent))
         after_end = np.append(False, counts[:-1] == 0)
         valid_index = (indices >= 0) & (indices < _MAXIMUM_INDEX) & (indices % 1.0 == 0)
         wrong = (
-            ~valid_index | (indices != expected) | after_end
+            ~valid_index | ~continues | after_end
             | ~((periods > 0) & (periods == periods[0]) & np.isfinite(periods)))
         if not wrong.any():
             return indices.size, self._malformed
@@ -190,6 +193,12 @@ class StreamAssembler:
         if index > due:
             return first, f'{name} has a gap: index {due:.0f} is due, {index:.0f} comes'
         return first, f'{name} has an overlap: index {due:.0f} is due, {index:.0f} comes again'
+
+
+def _distinct(values: _Integers) -> list[int]:
+    """Return the distinct values; most often there is one, found without sorting."""
+    first = int(values[0])
+    return [first] if (values == first).all() else [int(value) for value in np.unique(values)]
 
 
 def _rows(data: bytes, starts: _Integers, size: int) -> NDArray[np.uint64]:

@@ -1,0 +1,74 @@
+import struct
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from piezo_ros.bag.chunk_scan import scan
+
+MESSAGE = 0x05
+
+
+def _record(opcode, body):
+    return struct.pack('<BQ', opcode, len(body)) + body
+
+
+messages = st.binary(min_size=22, max_size=60).map(lambda body: _record(MESSAGE, body))
+# A record that holds what looks like a message, at an offset a wrong index may name.
+decoys = messages.map(lambda message: _record(0x0C, message))
+others = st.tuples(st.sampled_from([0x03, 0x04, 0x0C, 0x80]), st.binary(max_size=40)).map(
+    lambda pair: _record(*pair))
+records = st.lists(st.one_of(messages, messages, others, decoys), max_size=20)
+
+
+def _offsets(parts, opcode=None):
+    starts = np.cumsum([0, *map(len, parts)])[:-1].tolist()
+    return [
+        start for start, part in zip(starts, parts, strict=True)
+        if opcode is None or part[0] == opcode
+    ]
+
+
+@given(records)
+def test_every_record_is_found(parts):
+    found = scan(b''.join(parts))
+    inside = _offsets(parts)
+    assert found.messages.tolist() == _offsets(parts, MESSAGE)
+    assert sorted([*found.messages.tolist(), *found.others]) == inside
+    assert found.end == sum(map(len, parts))
+
+
+@given(records, st.data())
+def test_an_index_right_or_wrong_or_partial_changes_nothing(parts, data):
+    whole = b''.join(parts)
+    cut = whole[:data.draw(st.integers(0, len(whole)))]
+    right = _offsets(parts, MESSAGE)
+    index = data.draw(st.one_of(
+        st.permutations(right),
+        st.lists(st.sampled_from(right)) if right else st.just([]),
+        st.just([offset + 9 for offset in _offsets(parts, 0x0C)] + right),
+        st.lists(st.integers(-2**63, 2**63 - 1)),
+        st.lists(st.integers(0, max(len(cut), 1))),
+    ))
+    plain = scan(cut)
+    helped = scan(cut, np.array(index, dtype=np.int64))
+    assert helped.messages.tolist() == plain.messages.tolist()
+    assert helped.others == plain.others
+    assert helped.end == plain.end
+
+
+@given(records, st.integers(0, 2000))
+def test_of_a_cut_buffer_the_whole_records_are_found(parts, length):
+    found = scan(b''.join(parts)[:length])
+    ends = np.cumsum(list(map(len, parts)), dtype=int)
+    assert found.messages.size + len(found.others) == int((ends <= length).sum())
+
+
+@given(st.binary(max_size=200))
+def test_any_bytes_end_the_scan_without_an_error(data):
+    assert 0 <= scan(data).end <= len(data)
+
+
+def test_a_message_shorter_than_its_head_ends_the_scan():
+    good = _record(MESSAGE, bytes(22))
+    assert scan(good + _record(MESSAGE, bytes(21)) + good).messages.tolist() == [0]

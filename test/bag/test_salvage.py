@@ -1,0 +1,173 @@
+import os
+import shutil
+
+import numpy as np
+import pytest
+import yaml
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from mcap.reader import make_reader
+from rosbags.highlevel import AnyReader
+
+from piezo_ros.bag import STREAMS, BagError, BagExistsError, read, salvage
+
+FLUSH = 40  # steps of the run in each chunk
+COUNT = 400
+
+
+@pytest.fixture(scope='module')
+def shared(tmp_path_factory):
+    return tmp_path_factory.mktemp('shared')
+
+
+def _summary(file):
+    with file.open('rb') as stream:
+        return make_reader(stream).get_summary()
+
+
+def _cut(bag, directory, length):
+    """Copy the MCAP file alone, as a killed recorder leaves it, and cut it."""
+    shutil.rmtree(directory, ignore_errors=True)
+    directory.mkdir()
+    file = directory / 'cut_0.mcap'
+    shutil.copy(bag / 'bag_0.mcap', file)
+    os.truncate(file, length)
+    return file
+
+
+@settings(
+    max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(fraction=st.floats(0, 1), whole_directory=st.booleans())
+def test_exactly_the_whole_chunks_are_recovered(shared, write_run, fraction, whole_directory):
+    bag = shared / 'bag'
+    if not bag.exists():
+        write_run(bag, COUNT, flush_every=FLUSH, metadata={'scheme': 'fb'})
+    samples = read(bag)
+    size = (bag / 'bag_0.mcap').stat().st_size
+    length = round(fraction * size)
+    chunks = _summary(bag / 'bag_0.mcap').chunk_indexes
+    whole = sum(item.chunk_start_offset + item.chunk_length <= length for item in chunks)
+    file = _cut(bag, shared / 'cut', length)
+    output = shared / 'output'
+    shutil.rmtree(output, ignore_errors=True)
+    source = shared / 'cut' if whole_directory else file
+    if not whole:
+        with pytest.raises(BagError, match='no whole message|no MCAP file'):
+            salvage(source, output)
+        assert not output.exists()
+        return
+    result = salvage(source, output)
+    run = read(output)
+    assert run.samples == min(whole * FLUSH, COUNT)
+    for stream in STREAMS:
+        np.testing.assert_array_equal(
+            run.whole(stream)[1][:run.samples], samples.whole(stream)[1][:run.samples])
+    assert run.metadata['scheme'] == 'fb'
+    assert run.parameters == {'/plant': {'seed': 7}}
+    assert run.lost == result.lost
+    if whole < len(chunks):
+        assert result.lost
+    with AnyReader([output]) as reader:
+        assert reader.message_count == sum(result.messages.values())
+        assert {item.topic: item.msgcount for item in reader.connections} == result.messages
+
+
+@pytest.mark.parametrize('back', [1, 20, 50, 90, 500, 3000])
+def test_of_an_uncompressed_chunk_cut_in_the_middle_the_whole_messages_are_recovered(
+    tmp_path, write_run, back,
+):
+    write_run(tmp_path / 'bag', COUNT, compression='none')
+    (chunk,) = _summary(tmp_path / 'bag' / 'bag_0.mcap').chunk_indexes
+    end = chunk.chunk_start_offset + chunk.chunk_length
+    raw = (tmp_path / 'bag' / 'bag_0.mcap').read_bytes()
+    body_end = end - back
+    file = _cut(tmp_path / 'bag', tmp_path / 'cut', body_end)
+    result = salvage(file, tmp_path / 'output')
+    # Every message record of this bag begins with its opcode and a length; count the whole ones.
+    position = chunk.chunk_start_offset + 9 + 8 + 8 + 8 + 4 + 4 + 8
+    expected = 0
+    while position + 9 <= body_end:
+        following = position + 9 + int.from_bytes(raw[position + 1:position + 9], 'little')
+        expected += raw[position] == 5 and following <= body_end
+        position = following
+    assert sum(result.messages.values()) == expected
+    assert expected < 5 * (COUNT + 1) + 1
+    assert 'cut_0.mcap' in result.lost[0]
+    assert read(tmp_path / 'output').samples >= COUNT - 40
+
+
+@pytest.mark.parametrize('compression', ['zstd', 'lz4', 'none'])
+def test_a_whole_bag_is_copied_without_loss(tmp_path, write_run, compression):
+    write_run(tmp_path / 'bag', 50, metadata={'scheme': 'fb'})
+    result = salvage(tmp_path / 'bag', tmp_path / 'output', compression=compression)
+    assert result.lost == ()
+    before, after = read(tmp_path / 'bag'), read(tmp_path / 'output')
+    assert after.lost == ()
+    assert after.metadata == before.metadata
+    assert after.parameters == before.parameters
+    for stream in STREAMS:
+        np.testing.assert_array_equal(after.whole(stream)[1], before.whole(stream)[1])
+
+
+def test_a_bag_cut_within_its_index_has_lost_nothing(tmp_path, write_run):
+    write_run(tmp_path / 'bag', 50)
+    size = (tmp_path / 'bag' / 'bag_0.mcap').stat().st_size
+    file = _cut(tmp_path / 'bag', tmp_path / 'cut', size - 10)
+    assert read(file).lost == ()
+    assert salvage(file, tmp_path / 'output').lost == ()
+    with AnyReader([tmp_path / 'output']) as reader:
+        assert reader.message_count == 5 * 51 + 1
+
+
+@pytest.mark.parametrize('chunked', [True, False])
+def test_all_topics_of_a_foreign_recording_are_kept_with_their_times(
+    tmp_path, record_foreign, blocks_of, run_samples, chunked,
+):
+    blocks = blocks_of(run_samples(300), prefix='/rig')
+    blocks[5:5] = [('/status', b'\0\1\0\0\3\0\0\0{}\0')] * 3
+    record_foreign(tmp_path / 'a.mcap', blocks, chunk_size=20_000, chunked=chunked)
+    size = (tmp_path / 'a.mcap').stat().st_size
+    os.truncate(tmp_path / 'a.mcap', size // 2)
+    result = salvage(tmp_path / 'a.mcap', tmp_path / 'output')
+    assert result.messages['/status'] == 3
+    kept = sum(result.messages.values())
+    assert 0.3 * len(blocks) < kept < 0.7 * len(blocks)
+    with AnyReader([tmp_path / 'output']) as reader:
+        seen = [(item.topic, time_ns, raw) for item, time_ns, raw in reader.messages()]
+    assert seen == [
+        (topic, 1_700_000_000_000_000_000 + 1000 * number, raw)
+        for number, (topic, raw) in enumerate(blocks[:kept])
+    ]
+    run = read(tmp_path / 'output')
+    assert run.namespace == '/rig'
+    assert run.lost == result.lost != ()
+
+
+def test_the_quality_of_service_survives_in_both_places(tmp_path, write_run):
+    write_run(tmp_path / 'bag', 50)
+    salvage(tmp_path / 'bag', tmp_path / 'output')
+    topics = [
+        yaml.safe_load((tmp_path / name / 'metadata.yaml').read_text())[
+            'rosbag2_bagfile_information']['topics_with_message_count']
+        for name in ('bag', 'output')
+    ]
+    assert topics[0] == topics[1]
+    channels = [
+        _summary(tmp_path / name / f'{name}_0.mcap').channels for name in ('bag', 'output')]
+    assert channels[0] == channels[1]
+
+
+def test_salvage_never_overwrites(tmp_path, write_run):
+    write_run(tmp_path / 'bag', 50)
+    with pytest.raises(BagExistsError, match='exists'):
+        salvage(tmp_path / 'bag', tmp_path / 'bag')
+
+
+def test_losses_add_up_over_repeated_salvage(tmp_path, write_run):
+    write_run(tmp_path / 'bag', COUNT, flush_every=FLUSH)
+    size = (tmp_path / 'bag' / 'bag_0.mcap').stat().st_size
+    first = salvage(
+        _cut(tmp_path / 'bag', tmp_path / 'cut', size // 2), tmp_path / 'first')
+    second = salvage(tmp_path / 'first', tmp_path / 'second')
+    assert second.lost == ()
+    assert read(tmp_path / 'second').lost == first.lost
