@@ -39,7 +39,7 @@ lint: $(TEST_READY)  ## style, types and tiers alone
 clean:  ## remove .venv, what was built and what tools cached; out/ stays
 	rm -rf $(VENV) build dist install log *.egg-info
 	rm -rf .hypothesis .import_linter_cache .mypy_cache .pytest_cache .ruff_cache
-	find piezo_ros launch test -name __pycache__ -prune -exec rm -rf {} +
+	find $(wildcard piezo_ros launch test) -name __pycache__ -prune -exec rm -rf {} +
 
 $(DEMO_READY): $(METADATA)
 	@bash .ci/setup-venv $(PYTHON) $(VENV)
