@@ -247,6 +247,8 @@ def _parse(raw: bytes) -> tuple[str, int, int, int, NDArray[np.float64]]:
             raise MalformedBlockError(f'layout.dim has {dimensions} entries, a block has exactly 1')
         label = raw[12:12 + max(length - 1, 0)].decode('utf-8', 'replace')
         position = 12 + length
+        if length and raw[position - 1:position] not in (b'\x00', b''):
+            raise MalformedBlockError(f'layout.dim[0].label {label!r} does not end in a zero byte')
         position += -(position - 4) % 4
         size, stride, offset, count = struct.unpack_from(order + '4I', raw, position)
         position += 16

@@ -124,6 +124,8 @@ def _indexed(data: bytes, offsets: NDArray[np.int64]) -> Records | None:
     ):
         return None
     ends = offsets + lengths.astype(np.int64) + HEAD_BYTES
+    if ends[-1] > len(data):
+        return None
     starts = np.append(offsets, len(data))
     ends = np.insert(ends, 0, 0)
     gaps = np.flatnonzero(starts != ends)

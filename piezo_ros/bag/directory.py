@@ -118,9 +118,9 @@ class BagDirectory:
         try:
             yield
         except OSError as error:
-            raise self.failure(error) from error
+            raise self._failure(error) from error
 
-    def failure(self, error: OSError) -> BagError:
+    def _failure(self, error: OSError) -> BagError:
         """Give the file up after an error of the disk and return the error to raise."""
         # Not the buffered close, which would try the failed write again.
         self._file.raw.close()
@@ -177,7 +177,7 @@ class BagDirectory:
         try:
             self._writer.add_message(channel, log_time_ns, data, publish_time_ns)
         except OSError as error:
-            raise self.failure(error) from error
+            raise self._failure(error) from error
 
     def flush(self) -> None:
         """Hand everything written so far to the operating system, as whole chunks."""

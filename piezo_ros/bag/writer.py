@@ -67,7 +67,6 @@ class BagWriter:
         self._bag = BagDirectory(directory, compression=compression, custom_data=record)
         # Ahead of the first chunk, so that they outlive a cut of the file anywhere behind.
         self._bag.add_metadata(RECORD_NAME, record)
-        self._bag.flush()
         self._streams: dict[str, tuple[int, BlockCodec]] = {}
         for stream in STREAMS:
             if stream in names:
@@ -95,7 +94,6 @@ class BagWriter:
         """
         self._check_open()
         self._bag.add_attachment(PARAMETERS_NAME, 'application/yaml', yaml_text.encode())
-        self._bag.flush()
 
     def write(self, stream: str, raw: bytes) -> None:
         """

@@ -15,6 +15,33 @@ def test_what_goes_in_comes_out(stream, count):
     assert block.samples == tuple(samples)
 
 
+@pytest.mark.parametrize('stream', STREAMS)
+@pytest.mark.parametrize('count', [0, 1, 1000])
+def test_the_header_precedes_the_numbers_and_its_mask_covers_what_matters(stream, count):
+    codec = BlockCodec(stream)
+    raw = codec.encode(5, 1e-5, np.ones(count))
+    header, mask = codec.header(count)
+    assert raw[:len(header)] == header
+    assert len(raw) == len(header) + 8 * (count + 2)
+    assert set(mask) == {0, 0xFF}
+    for place, bits in enumerate(mask):
+        changed = bytearray(raw)
+        changed[place] ^= 0x55
+        if bits == 0:
+            assert codec.decode(bytes(changed)).index == 5
+        else:
+            with pytest.raises(MalformedBlockError):
+                codec.decode(bytes(changed))
+
+
+@pytest.mark.parametrize('count', [0, 1, 1000])
+def test_index_and_period_are_those_of_the_whole_block(count):
+    raw = BlockCodec('voltage').encode(5, 1e-5, np.ones(count))
+    assert BlockCodec('voltage').index_and_period(raw) == (5, 1e-5)
+    with pytest.raises(MalformedBlockError, match='voltage_v'):
+        BlockCodec('command').index_and_period(raw)
+
+
 def test_one_sample_is_encoded_the_same_on_both_paths():
     codec = BlockCodec('voltage')
     assert codec.encode_one(7, 1e-5, -1.25) == codec.encode(7, 1e-5, [-1.25])

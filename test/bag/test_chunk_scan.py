@@ -45,6 +45,7 @@ def test_an_index_right_or_wrong_or_partial_changes_nothing(parts, data):
     right = _offsets(parts, MESSAGE)
     index = data.draw(st.one_of(
         st.permutations(right),
+        st.permutations(_offsets(parts)),
         st.lists(st.sampled_from(right)) if right else st.just([]),
         st.just([offset + 9 for offset in _offsets(parts, 0x0C)] + right),
         st.lists(st.integers(-2**63, 2**63 - 1)),
@@ -57,6 +58,13 @@ def test_an_index_right_or_wrong_or_partial_changes_nothing(parts, data):
     assert helped.end == plain.end
 
 
+def test_an_index_of_a_message_that_is_cut_off_changes_nothing():
+    cut = (_record(MESSAGE, bytes(30)) * 2)[:-1]
+    found = scan(cut, np.array([0, 39]))
+    assert found.messages.tolist() == [0]
+    assert found.end == 39
+
+
 @given(records, st.integers(0, 2000))
 def test_of_a_cut_buffer_the_whole_records_are_found(parts, length):
     found = scan(b''.join(parts)[:length])
@@ -67,6 +75,12 @@ def test_of_a_cut_buffer_the_whole_records_are_found(parts, length):
 @given(st.binary(max_size=200))
 def test_any_bytes_end_the_scan_without_an_error(data):
     assert 0 <= scan(data).end <= len(data)
+
+
+def test_zeros_as_a_loss_of_power_leaves_them_end_the_scan():
+    good = _record(MESSAGE, bytes(22))
+    found = scan(good + bytes(100))
+    assert (found.messages.tolist(), found.others, found.end) == ([0], [], len(good))
 
 
 def test_a_message_shorter_than_its_head_ends_the_scan():

@@ -299,6 +299,36 @@ def test_a_flipped_bit_in_a_chunk_is_noticed(tmp_path, write_run):
     assert any('checksum' in sentence for sentence in run.lost)
 
 
+def test_a_flipped_bit_in_the_parameters_is_noticed(tmp_path, write_run):
+    write_run(tmp_path / 'bag')
+    file = tmp_path / 'bag' / 'bag_0.mcap'
+    file.write_bytes(file.read_bytes().replace(b'seed: 7', b'seed: 8', 1))
+    with pytest.raises(BagError, match='attachment whose checksum'):
+        read(tmp_path / 'bag')
+    assert read(tmp_path / 'bag', allow_loss=True).parameters == {}
+
+
+def test_an_unknown_compression_of_chunks_is_refused_by_name(tmp_path, write_run):
+    write_run(tmp_path / 'bag', compression='zstd')
+    file = tmp_path / 'bag' / 'bag_0.mcap'
+    file.write_bytes(file.read_bytes().replace(b'\4\0\0\0zstd', b'\4\0\0\0zip9'))
+    with pytest.raises(BagError, match="'zip9' is none of zstd, lz4 and none"):
+        read(tmp_path / 'bag')
+
+
+@pytest.mark.parametrize('compression', ['zstd', 'lz4'])
+def test_a_chunk_that_does_not_decompress_is_noticed(tmp_path, write_run, compression):
+    write_run(tmp_path / 'bag', 400, flush_every=200, compression=compression)
+    file = tmp_path / 'bag' / 'bag_0.mcap'
+    magic = {'zstd': b'\x28\xb5\x2f\xfd', 'lz4': b'\x04\x22\x4d\x18'}[compression]
+    raw = file.read_bytes()
+    second = raw.index(magic, raw.index(magic) + 1)
+    file.write_bytes(raw[:second] + bytes(8) + raw[second + 8:])
+    with pytest.raises(BagError, match='does not decompress'):
+        read(tmp_path / 'bag')
+    assert read(tmp_path / 'bag', allow_loss=True).samples == 200
+
+
 @pytest.mark.parametrize('text', ['/plant: 3', '- 1', '{', '/plant: {parameters: {a: 1}}'])
 def test_parameters_that_are_no_parameter_file_are_refused(tmp_path, text):
     with BagWriter(tmp_path / 'bag') as writer:

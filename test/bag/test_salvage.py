@@ -7,6 +7,7 @@ import yaml
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from mcap.reader import make_reader
+from mcap.writer import Writer
 from rosbags.highlevel import AnyReader
 
 from piezo_ros.bag import STREAMS, BagError, BagExistsError, read, salvage
@@ -171,3 +172,65 @@ def test_losses_add_up_over_repeated_salvage(tmp_path, write_run):
     second = salvage(tmp_path / 'first', tmp_path / 'second')
     assert second.lost == ()
     assert read(tmp_path / 'second').lost == first.lost
+    third = salvage(
+        _uncompressed_and_cut(tmp_path / 'second', tmp_path / 'plain'), tmp_path / 'third')
+    assert third.lost
+    assert read(tmp_path / 'third').lost == (*first.lost, *third.lost)
+
+
+def _uncompressed_and_cut(bag, directory):
+    salvage(bag, directory, compression='none')
+    (file,) = directory.glob('*.mcap')
+    (chunk,) = _summary(file).chunk_indexes
+    os.truncate(file, chunk.chunk_start_offset + chunk.chunk_length - 10)
+    return file
+
+
+def test_zeros_as_a_loss_of_power_leaves_them_are_named(tmp_path, write_run):
+    write_run(tmp_path / 'bag', COUNT, flush_every=FLUSH)
+    first = _summary(tmp_path / 'bag' / 'bag_0.mcap').chunk_indexes[0]
+    file = _cut(tmp_path / 'bag', tmp_path / 'cut', first.chunk_start_offset + first.chunk_length)
+    os.truncate(file, file.stat().st_size + 500)
+    result = salvage(file, tmp_path / 'output')
+    assert '500 bytes' in result.lost[0]
+    assert read(tmp_path / 'output').samples == FLUSH
+
+
+def test_messages_of_an_unknown_type_are_counted_as_lost(tmp_path):
+    with (tmp_path / 'a.mcap').open('wb') as file:
+        writer = Writer(file, use_chunking=False)
+        writer.start('ros2')
+        schema = writer.register_schema('std_msgs/msg/Byte', 'ros2msg', b'byte data')
+        known = writer.register_channel('/known', 'cdr', schema, {'offered_qos_profiles': '{'})
+        nameless = writer.register_channel('/nameless', 'cdr', 0)
+        for channel in (known, nameless, nameless, 77):
+            writer.add_message(channel, 5, b'', 6)
+        writer.finish()
+    result = salvage(tmp_path / 'a.mcap', tmp_path / 'output')
+    assert result.messages == {'/known': 1}
+    assert '3 messages of an unknown topic or type' in result.lost[0]
+
+
+def test_a_topic_without_messages_and_foreign_metadata_are_kept(tmp_path):
+    with (tmp_path / 'a.mcap').open('wb') as file:
+        writer = Writer(file)
+        writer.start('ros2')
+        writer.add_metadata('lab', {'operator': 'me'})
+        writer.add_attachment(0, 0, 'notes.txt', 'text/plain', b'fine')
+        schema = writer.register_schema('std_msgs/msg/Byte', 'ros2msg', b'byte data')
+        used = writer.register_channel('/used', 'cdr', schema)
+        writer.register_channel('/unused', 'cdr', schema)
+        writer.add_message(used, 5, b'', 6)
+        writer.finish()
+    assert salvage(tmp_path / 'a.mcap', tmp_path / 'output').lost == ()
+    with (tmp_path / 'output' / 'output_0.mcap').open('rb') as file:
+        reader = make_reader(file)
+        (message,) = reader.iter_messages()
+        assert (message[2].log_time, message[2].publish_time) == (5, 6)
+        topics = {channel.topic for channel in reader.get_summary().channels.values()}
+        assert topics == {'/used', '/unused'}
+        records = {record.name: record.metadata for record in reader.iter_metadata()}
+        assert records['lab'] == {'operator': 'me'}
+        assert 'piezo_ros' not in records
+        (attachment,) = reader.iter_attachments()
+        assert (attachment.name, attachment.data) == ('notes.txt', b'fine')

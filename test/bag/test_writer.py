@@ -127,6 +127,7 @@ def test_metadata_yaml_has_every_key_of_version_9(tmp_path, write_run):
         'ros_distro': 'kilted',
     }
     assert '&' not in text  # no YAML anchors
+    assert {file.name for file in (tmp_path / 'bag').iterdir()} == {'bag_0.mcap', 'metadata.yaml'}
 
 
 def test_the_mcap_file_tells_readers_what_they_need(tmp_path, write_run):
