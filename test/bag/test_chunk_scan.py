@@ -58,6 +58,18 @@ def test_an_index_right_or_wrong_or_partial_changes_nothing(parts, data):
     assert helped.end == plain.end
 
 
+def test_an_index_of_a_record_of_another_kind_changes_nothing():
+    other = _record(0x04, bytes(30))
+    found = scan(_record(MESSAGE, bytes(30)) + other, np.array([0, 39]))
+    assert (found.messages.tolist(), found.others) == ([0], [39])
+
+
+def test_an_index_into_another_record_changes_nothing():
+    decoy = _record(0x0C, _record(MESSAGE, bytes(30)))
+    found = scan(decoy + _record(MESSAGE, bytes(30)), np.array([9, len(decoy)]))
+    assert (found.messages.tolist(), found.others) == ([len(decoy)], [0])
+
+
 def test_an_index_of_a_message_that_is_cut_off_changes_nothing():
     cut = (_record(MESSAGE, bytes(30)) * 2)[:-1]
     found = scan(cut, np.array([0, 39]))
