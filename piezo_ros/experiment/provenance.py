@@ -6,9 +6,8 @@ from typing import Any
 
 import yaml
 
-__all__ = ['NODES', 'parameters_yaml', 'run_metadata', 'software_versions']
+__all__ = ['parameters_yaml', 'run_metadata', 'software_versions']
 
-NODES = ('compensator', 'controller', 'plant', 'trajectory')
 _DESCRIBING = {
     'controller': ('scheme',),
     'trajectory': (

@@ -14,7 +14,7 @@ class Compensator(Stage):
     outputs = ('voltage',)
 
     def __init__(self) -> None:
-        super().__init__('compensator', HysteresisParameters)
+        super().__init__('compensator')
 
     def configure(self) -> None:
         """Make the constants of the inverse model."""

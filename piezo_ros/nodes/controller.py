@@ -1,7 +1,5 @@
 """The controller: reference, feedforward and displacement in, linearised command out."""
 
-from dataclasses import dataclass
-
 from std_msgs.msg import UInt64
 
 from piezo_ros.control.controller import (
@@ -10,24 +8,13 @@ from piezo_ros.control.controller import (
     controller_step,
     initial_state,
 )
-from piezo_ros.model.parameters import ParameterSet, parameter
+from piezo_ros.experiment.node_parameters import DemandParameters
 from piezo_ros.nodes.parameters import read
 from piezo_ros.nodes.qos import LATCHED
 from piezo_ros.nodes.stage import Stage
 from piezo_ros.nodes.streams import StreamFault
 
-__all__ = ['Controller', 'DemandParameters']
-
-
-@dataclass(frozen=True, kw_only=True)
-class DemandParameters(ParameterSet):
-    """How far the trajectory may run ahead."""
-
-    lookahead_samples: int = parameter(
-        1000, 'samples', 'how far the demand leads the displacement', minimum=1, maximum=10**9)
-    max_buffer_samples: int = parameter(
-        10**6, 'samples', 'how much of a stream may wait; more is a fault',
-        minimum=1, maximum=10**9)
+__all__ = ['Controller']
 
 
 class Controller(Stage):
@@ -42,7 +29,7 @@ class Controller(Stage):
     outputs = ('command',)
 
     def __init__(self) -> None:
-        super().__init__('controller', ControllerParameters, DemandParameters)
+        super().__init__('controller')
 
     def configure(self) -> None:
         """Make the constants of the control law."""

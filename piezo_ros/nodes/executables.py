@@ -1,9 +1,23 @@
 """Entry points of the node executables; light, so that a signal during start-up finds them."""
 
+import ctypes
+import os
 import signal
 import sys
 
-__all__ = ['compensator', 'controller', 'loop', 'plant', 'recorder', 'trajectory']
+__all__ = [
+    'PARENT_VARIABLE',
+    'compensator',
+    'controller',
+    'loop',
+    'plant',
+    'recorder',
+    'trajectory',
+]
+
+# Process that started this one and that it shall not outlive.
+PARENT_VARIABLE = 'PIEZO_ROS_PARENT'
+_PR_SET_PDEATHSIG = 1
 
 # Readers come up before writers: recorder, compensator, controller, plant, trajectory.
 _LOOP = ('compensator', 'controller', 'plant', 'trajectory')
@@ -13,6 +27,7 @@ def _run(*names: str) -> int:
     # Until the host takes over, a signal simply ends the process, without a traceback.
     signal.signal(signal.SIGINT, lambda *_: sys.exit(1))
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))
+    _end_with_parent()
     from importlib import import_module
 
     from piezo_ros.nodes.host import host
@@ -20,6 +35,16 @@ def _run(*names: str) -> int:
     classes = [
         getattr(import_module(f'piezo_ros.nodes.{name}'), name.capitalize()) for name in names]
     return host(lambda: [stage() for stage in classes])
+
+
+def _end_with_parent() -> None:
+    """Ask the kernel for a SIGINT at the end of the process that started this one."""
+    parent = os.environ.get(PARENT_VARIABLE)
+    if parent is None or not sys.platform.startswith('linux'):
+        return
+    ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_PDEATHSIG, signal.SIGINT)
+    if os.getppid() != int(parent):
+        sys.exit(1)
 
 
 def plant() -> int:

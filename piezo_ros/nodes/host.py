@@ -12,6 +12,7 @@ import rclpy
 from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.signals import SignalHandlerOptions
 
+from piezo_ros.nodes.middleware import set_middleware_defaults
 from piezo_ros.nodes.stage import Stage
 
 __all__ = ['host']
@@ -55,6 +56,7 @@ def host(make_stages: Callable[[], Sequence[Stage]], arguments: list[str] | None
     stop = _Stop()
     signal.signal(signal.SIGINT, stop)
     signal.signal(signal.SIGTERM, stop)
+    set_middleware_defaults()
     rclpy.init(
         args=sys.argv if arguments is None else arguments,
         signal_handler_options=SignalHandlerOptions.NO)
@@ -83,12 +85,16 @@ def _serve(make_stages: Callable[[], Sequence[Stage]], stop: _Stop) -> int:
         started = _bring_up(stages, stop)
         if started:
             _stream_loop(stages, stop)
+        cut_short = False
         for stage in stages:
-            stage.stop(f'signal {stop.signal_number}' if stop.signal_number else 'peers failed')
+            cut_short = stage.running or cut_short
+            stage.stop(
+                signal.Signals(stop.signal_number).name if stop.signal_number
+                else 'another stage of this process ended')
         for stage in stages:
             stage.await_acknowledgements()
         failed = not started or any(stage.failed for stage in stages)
-        return 1 if failed or stop.signal_number else 0
+        return 1 if failed or cut_short else 0
     finally:
         closing.set()
         executor.wake()
@@ -111,7 +117,8 @@ def _bring_up(stages: Sequence[Stage], stop: _Stop) -> bool:
 
 def _stream_loop(stages: Sequence[Stage], stop: _Stop) -> None:
     serves = [stage.serve for stage in stages]
-    last_progress = next_housekeeping = time.monotonic()
+    next_housekeeping = time.monotonic()
+    idle_since: float | None = None
     turns = 0
     while not stop.signal_number:
         progress = False
@@ -119,21 +126,32 @@ def _stream_loop(stages: Sequence[Stage], stop: _Stop) -> None:
             if serve():
                 progress = True
         turns += 1
-        if progress and turns & 63:
-            continue
-        now = time.monotonic()
         if progress:
-            last_progress = now
-        elif now - last_progress < _YIELD_S:
-            os.sched_yield()
-        else:
-            active = any(stage.running for stage in stages)
-            time.sleep(_SHORT_SLEEP_S if active else _LONG_SLEEP_S)
+            idle_since = None
+            if turns & 63:
+                continue
+        now = time.monotonic()
+        if not progress:
+            if idle_since is None:
+                idle_since = now
+            if now - idle_since < _YIELD_S:
+                os.sched_yield()
+            else:
+                active = any(stage.running for stage in stages)
+                time.sleep(_SHORT_SLEEP_S if active else _LONG_SLEEP_S)
         if now >= next_housekeeping:
             next_housekeeping = now + _HOUSEKEEPING_S
             for stage in stages:
                 stage.housekeeping(now)
-        if not progress and all(
-                stage.over and not stage.running and stage.settings.exit_on_end
-                for stage in stages):
-            return
+            if _all_over(stages, 0.0 if idle_since is None else now - idle_since):
+                return
+
+
+def _all_over(stages: Sequence[Stage], idle_s: float) -> bool:
+    """Return whether every run is over and has been for as long as the process shall stay."""
+    if not all(stage.over and not stage.running for stage in stages):
+        return False
+    if any(stage.failed for stage in stages):
+        return True
+    lingers_s = [stage.settings.linger_s for stage in stages]
+    return min(lingers_s) >= 0.0 and idle_s >= max(lingers_s)

@@ -1,11 +1,11 @@
 """The simulated rig: voltage in, measured displacement out. It alone owns the voltage."""
 
 import math
-from dataclasses import dataclass
+import time
 from typing import Any
 
+from piezo_ros.experiment.node_parameters import SafetyParameters
 from piezo_ros.model.noise import NoiseSource
-from piezo_ros.model.parameters import ParameterSet, parameter
 from piezo_ros.model.rig import (
     RigParameters,
     initial_state,
@@ -17,19 +17,7 @@ from piezo_ros.nodes.parameters import read
 from piezo_ros.nodes.stage import Stage
 from piezo_ros.nodes.streams import StreamFault
 
-__all__ = ['Plant', 'SafetyParameters']
-
-
-@dataclass(frozen=True, kw_only=True)
-class SafetyParameters(ParameterSet):
-    """How the plant guards its voltage."""
-
-    watchdog_s: float = parameter(
-        2.0, 's', 'wall-clock time without voltage after which the run ends',
-        minimum=0.01, maximum=1e6)
-    safe_slew_v_per_s: float = parameter(
-        1000.0, 'V/s', 'how fast the voltage goes to zero deviation at the end',
-        minimum=1e-3, maximum=1e9)
+__all__ = ['Plant']
 
 
 class Plant(Stage):
@@ -40,7 +28,8 @@ class Plant(Stage):
 
     def __init__(self) -> None:
         self._voltage_v = 0.0
-        super().__init__('plant', RigParameters, SafetyParameters)
+        self._elapsed_s = 0.0
+        super().__init__('plant')
 
     def configure(self) -> None:
         """Make the constants of the rig."""
@@ -57,8 +46,10 @@ class Plant(Stage):
         self._voltage_v = 0.0
         self._received = -1
         self._received_at_s = math.inf
+        self._began_s = time.perf_counter()
+        self._elapsed_s = 0.0
         first = max(self.settings.start_index, 0)
-        self._index = first
+        self._index = self._first = first
         self._displacement.publish_one(measure_step(self._constants, 0.0, self._noise(first)))
 
     def poll(self) -> bool:
@@ -66,12 +57,15 @@ class Plant(Stage):
         block = self._voltage.take()
         if block is None:
             return False
+        if block.index == self._first:
+            self._began_s = time.perf_counter()
         samples = block.samples
         if len(samples) == 1:
             self._displacement.publish_one(self._hold(samples[0]))
         elif samples:
             self._displacement.publish([self._hold(sample) for sample in samples])
         else:
+            self._elapsed_s = time.perf_counter() - self._began_s
             self.finish()
         return True
 
@@ -103,5 +97,5 @@ class Plant(Stage):
             rig_step(self._rig_state, self._constants, self._voltage_v)
 
     def status_fields(self) -> dict[str, Any]:
-        """Return the voltage that the rig is driven with."""
-        return {'voltage_v': self._voltage_v}
+        """Return the voltage that the rig is driven with and how long the run took."""
+        return {'voltage_v': self._voltage_v, 'elapsed_s': self._elapsed_s}

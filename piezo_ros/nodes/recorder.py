@@ -1,54 +1,24 @@
 """The recorder: every block of every stream into a bag, with the parameters of all nodes."""
 
 import time
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from rclpy.parameter import parameter_value_to_python
 from rclpy.parameter_client import AsyncParameterClient
 
-from piezo_ros.bag import STREAMS, BagError, BagWriter
+from piezo_ros.bag import BagError, BagWriter
+from piezo_ros.experiment.node_parameters import RecorderParameters
 from piezo_ros.experiment.provenance import parameters_yaml, run_metadata
-from piezo_ros.model.parameters import ParameterError, ParameterSet, parameter
+from piezo_ros.model.parameters import ParameterError
 from piezo_ros.nodes.parameters import read
 from piezo_ros.nodes.stage import Stage
 from piezo_ros.nodes.streams import StreamFault
 
-__all__ = ['Recorder', 'RecorderParameters']
+__all__ = ['Recorder']
 
 _AT_ONCE = 64  # blocks of one stream before the next one's turn
 _SETTLE_S = 0.2  # how long a stopped recorder waits for what is still on its way
-
-
-@dataclass(frozen=True, kw_only=True)
-class RecorderParameters(ParameterSet):
-    """Where and what to record."""
-
-    bag_directory: str = parameter(
-        '', '', 'directory of the bag; must not exist; empty: named after date and time')
-    streams: str = parameter(
-        ','.join(STREAMS), '', 'streams to record, separated by commas')
-    compression: str = parameter(
-        'zstd', '', 'compression of the chunks', choices=('zstd', 'lz4', 'none'))
-    flush_period_s: float = parameter(
-        1.0, 's', 'wall-clock time after which what was recorded is on its way to the disk',
-        minimum=0.01, maximum=1e6)
-    parameters_timeout_s: float = parameter(
-        3.0, 's', 'how long to wait for the parameters of the other nodes',
-        minimum=0.0, maximum=1e6)
-
-    def check_together(self) -> None:
-        """Refuse streams that do not exist."""
-        for stream in self.stream_names:
-            if stream not in STREAMS:
-                raise ParameterError(
-                    f'streams has {stream!r}, allowed are {", ".join(STREAMS)}')
-
-    @property
-    def stream_names(self) -> tuple[str, ...]:
-        """The streams as a tuple."""
-        return tuple(name.strip() for name in self.streams.split(','))
 
 
 class Recorder(Stage):
@@ -56,7 +26,7 @@ class Recorder(Stage):
 
     def __init__(self) -> None:
         self._bag: BagWriter | None = None
-        super().__init__('recorder', RecorderParameters)
+        super().__init__('recorder')
 
     def configure(self) -> None:
         """Decide where to record; a directory that exists is refused now, not later."""
@@ -71,26 +41,33 @@ class Recorder(Stage):
         """Ask the other nodes for their parameters; the bag begins with them."""
         self._started_s = time.monotonic()
         self._next_flush_s = self._started_s + self._recording.flush_period_s
+        self._pending: list[tuple[str, bytes]] = []
         self._peers = _PeerParameters(self)
 
     def poll(self) -> bool:
         """Write what has arrived."""
-        if self._bag is None and not self._open():
-            return False
-        assert self._bag is not None
         progress = False
+        for stream, reader in self.readers.items():
+            for _ in range(_AT_ONCE):
+                if reader.take() is None:
+                    break
+                self._pending.append((stream, reader.raw))
+                progress = True
+        if self._bag is None and not self._open():
+            return progress
+        assert self._bag is not None
         try:
-            for stream, reader in self.readers.items():
-                for _ in range(_AT_ONCE):
-                    if reader.take() is None:
-                        break
-                    self._bag.write(stream, reader.raw)
-                    progress = True
+            self._write_pending(self._bag)
         except BagError as error:
             raise StreamFault(str(error)) from None
         if not progress and all(reader.ended for reader in self.readers.values()):
             self.finish()
         return progress
+
+    def _write_pending(self, bag: BagWriter) -> None:
+        for stream, raw in self._pending:
+            bag.write(stream, raw)
+        self._pending.clear()
 
     def watch(self, now_s: float) -> None:
         """Hand what was recorded to the operating system now and then."""
@@ -107,6 +84,7 @@ class Recorder(Stage):
             return
         assert self._bag is not None
         try:
+            self._write_pending(self._bag)
             self._take_the_rest(self._bag)
             self._bag.close()
         except BagError as error:

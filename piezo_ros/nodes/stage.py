@@ -10,7 +10,6 @@ import json
 import threading
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from typing import Any
 
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
@@ -18,36 +17,16 @@ from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 from std_msgs.msg import String
 
-from piezo_ros.model.parameters import ParameterError, ParameterSet, parameter
+from piezo_ros.experiment.node_parameters import NODE_PARAMETERS, StageParameters
+from piezo_ros.model.parameters import ParameterError
 from piezo_ros.nodes.parameters import declare, read
 from piezo_ros.nodes.qos import LATCHED
 from piezo_ros.nodes.streams import StreamFault, StreamReader, StreamWriter
 
-__all__ = ['Stage', 'StageParameters']
+__all__ = ['Stage']
 
 _CHECK_PEERS_S = 0.25
 _REPORT_S = 1.0
-
-
-@dataclass(frozen=True, kw_only=True)
-class StageParameters(ParameterSet):
-    """What every stage has, whatever it computes."""
-
-    sample_period_s: float = parameter(
-        1e-5, 's', 'simulated sample period; blocks with another one end the run',
-        minimum=1e-9, maximum=1e3)
-    start_index: int = parameter(
-        0, '', 'index of the first sample; -1 takes any (replay from the middle)',
-        minimum=-1, maximum=2**53)
-    handshake_timeout_s: float = parameter(
-        10.0, 's', 'how long activation waits for the peers', minimum=0.0, maximum=1e6)
-    required_readers: int = parameter(
-        1, '', 'readers that each output needs before the run starts: 2 with a recorder',
-        minimum=0, maximum=1000)
-    autostart: bool = parameter(
-        True, '', 'configure and activate at start, without a lifecycle manager')
-    exit_on_end: bool = parameter(
-        True, '', 'end the process when the run is over')
 
 
 class Stage(LifecycleNode):
@@ -57,19 +36,17 @@ class Stage(LifecycleNode):
     Parameters
     ----------
     name : str
-        Node name.
-    *sets : type of ParameterSet
-        The parameter sets of what the stage computes.
+        Node name, one of `NODE_PARAMETERS`.
 
     """
 
     inputs: tuple[str, ...] = ()
     outputs: tuple[str, ...] = ()
 
-    def __init__(self, name: str, *sets: type[ParameterSet]) -> None:
+    def __init__(self, name: str) -> None:
         self._stream_subscriptions: set[Subscription[Any]] = set()
         super().__init__(name)
-        declare(self, StageParameters, *sets)
+        declare(self, *NODE_PARAMETERS[name])
         self.running = False
         self.failed = False
         self.over = False  # a run has ended, well or not

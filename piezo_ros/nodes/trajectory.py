@@ -1,6 +1,5 @@
 """The trajectory generator: reference and feedforward in blocks, as far as they are demanded."""
 
-from dataclasses import dataclass
 from typing import Any
 
 from std_msgs.msg import UInt64
@@ -10,20 +9,12 @@ from piezo_ros.control.trajectory import (
     trajectory_constants,
     trajectory_step,
 )
-from piezo_ros.model.parameters import ParameterSet, parameter
+from piezo_ros.experiment.node_parameters import BlockParameters
 from piezo_ros.nodes.parameters import read
 from piezo_ros.nodes.qos import LATCHED
 from piezo_ros.nodes.stage import Stage
 
-__all__ = ['BlockParameters', 'Trajectory']
-
-
-@dataclass(frozen=True, kw_only=True)
-class BlockParameters(ParameterSet):
-    """How the trajectory is cut into blocks."""
-
-    block_samples: int = parameter(
-        100, 'samples', 'largest block', minimum=1, maximum=10**6)
+__all__ = ['Trajectory']
 
 
 class Trajectory(Stage):
@@ -32,7 +23,7 @@ class Trajectory(Stage):
     outputs = ('reference', 'feedforward')
 
     def __init__(self) -> None:
-        super().__init__('trajectory', TrajectoryParameters, BlockParameters)
+        super().__init__('trajectory')
 
     def configure(self) -> None:
         """Make the constants of waveform and feedforward."""

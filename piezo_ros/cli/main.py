@@ -1,0 +1,40 @@
+"""The command ``piezo``."""
+
+import argparse
+import sys
+from collections.abc import Sequence
+
+from piezo_ros.cli import run
+
+__all__ = ['main']
+
+EXIT_DONE, EXIT_FAILED, EXIT_USAGE, EXIT_LOSS = range(4)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """
+    Run the command line.
+
+    Parameters
+    ----------
+    arguments : sequence of str, optional
+        ``sys.argv[1:]`` by default.
+
+    Returns
+    -------
+    int
+        0 done, 1 failed, 2 usage (also a plan that cannot be run), 3 done with loss.
+
+    """
+    parser = argparse.ArgumentParser(
+        prog='piezo', description='Piezo nano-positioning on ROS 2: run, analyse, report.')
+    commands = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
+    run.add_commands(commands)
+    options = parser.parse_args(arguments)
+    code = options.function(options)
+    assert isinstance(code, int)
+    return code
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,39 @@
+"""Progress of long work: a bar on a terminal, plain lines elsewhere."""
+
+import sys
+
+__all__ = ['Progress']
+
+_WIDTH = 30
+
+
+class Progress:
+    """Shows what is being done and how far it is, on standard error."""
+
+    def __init__(self) -> None:
+        self._terminal = sys.stderr.isatty()
+        self._text = ''
+        self._open = False
+
+    def announce(self, text: str) -> None:
+        """Show what begins now."""
+        self.end()
+        self._text = text
+        if self._terminal:
+            self.show(0.0)
+        else:
+            print(text, file=sys.stderr, flush=True)
+
+    def show(self, share: float) -> None:
+        """Show how much of it is done, 0 … 1; nothing where there is no terminal."""
+        if self._terminal:
+            filled = round(share * _WIDTH)
+            bar = '█' * filled + '·' * (_WIDTH - filled)
+            print(f'\r{self._text}  {bar} {share:4.0%}', end='', file=sys.stderr, flush=True)
+            self._open = True
+
+    def end(self) -> None:
+        """Leave the line of the bar."""
+        if self._open:
+            print(file=sys.stderr)
+            self._open = False

@@ -1,0 +1,110 @@
+"""``piezo run`` and ``piezo simulate``: a plan on live nodes, and the same plan offline."""
+
+import argparse
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from piezo_ros.bag import BagError
+from piezo_ros.cli.progress import Progress
+from piezo_ros.experiment.campaign import RunResult, prepare_directory, run_campaign
+from piezo_ros.experiment.errors import CampaignError, PlanError
+from piezo_ros.experiment.plan import Plan, PlannedRun, read_plan
+from piezo_ros.report.tables import text_table
+
+__all__ = ['add_commands']
+
+_EXAMPLES = """\
+examples:
+  piezo run config/experiments/demo.yaml -o out/demo
+  piezo run config/experiments/demo.yaml -o out/demo --composed --force
+  piezo simulate config/experiments/demo.yaml -o out/offline
+"""
+
+
+def add_commands(commands: Any) -> None:
+    """Add both commands to the parser."""
+    live = commands.add_parser(
+        'run', help='start the node graph, record, analyse, report', epilog=_EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter)
+    _add_common(live)
+    processes = live.add_mutually_exclusive_group()
+    processes.add_argument(
+        '--separate', action='store_true', help='one process for every node (default)')
+    processes.add_argument(
+        '--composed', action='store_true', help='the four stages in one process')
+    live.add_argument(
+        '--namespace', default='', metavar='NS',
+        help='namespace of the nodes (default: one of its own, so that several may run at once)')
+    live.set_defaults(function=_run_live)
+    offline = commands.add_parser(
+        'simulate', help='the same plan offline: no ROS, same numbers, same bags',
+        epilog=_EXAMPLES, formatter_class=argparse.RawDescriptionHelpFormatter)
+    _add_common(offline)
+    offline.set_defaults(function=_run_offline)
+
+
+def _add_common(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument('plan', type=Path, metavar='PLAN', help='plan file (YAML)')
+    parser.add_argument(
+        '-o', '--output', type=Path, required=True, metavar='DIR', help='output directory')
+    parser.add_argument(
+        '--force', action='store_true', help='replace an earlier output in DIR')
+
+
+def _run_live(options: argparse.Namespace) -> int:
+    def campaign(plan: Plan) -> int:
+        try:
+            from piezo_ros.nodes.graph import GraphRunner
+        except ImportError as error:
+            print(
+                f'piezo run needs ROS 2 ({error}); piezo simulate does without it',
+                file=sys.stderr)
+            return 1
+        progress = Progress()
+        with GraphRunner(
+                options.output, namespace=options.namespace, composed=options.composed,
+                progress=progress.show) as runner:
+            return _run(plan, options.output, runner, progress)
+
+    return _with_plan(options, campaign)
+
+
+def _run_offline(options: argparse.Namespace) -> int:
+    from piezo_ros.experiment.offline import simulate_run
+    return _with_plan(
+        options, lambda plan: _run(plan, options.output, simulate_run, Progress()))
+
+
+def _with_plan(options: argparse.Namespace, campaign: Callable[[Plan], int]) -> int:
+    try:
+        plan = read_plan(options.plan)
+        prepare_directory(options.output, force=options.force)
+    except PlanError as error:
+        print(f'piezo: {error}', file=sys.stderr)
+        return 2
+    try:
+        return campaign(plan)
+    except KeyboardInterrupt:
+        print('piezo: stopped by SIGINT', file=sys.stderr)
+        return 1
+    except (BagError, OSError) as error:
+        print(f'piezo: {error}', file=sys.stderr)
+        return 1
+
+
+def _run(
+    plan: Plan, directory: Path, run: Callable[[PlannedRun, Path], RunResult],
+    progress: Progress,
+) -> int:
+    try:
+        campaign = run_campaign(plan, directory, run, progress.announce)
+    except CampaignError as error:
+        progress.end()
+        print(f'piezo: {error}', file=sys.stderr)
+        return 1
+    progress.end()
+    print(text_table(campaign.runs))
+    print(f'report: {campaign.report}')
+    return 0

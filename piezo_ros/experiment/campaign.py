@@ -1,0 +1,152 @@
+"""Does the runs of a plan one after the other, keeps their bags, and reports."""
+
+import shutil
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from piezo_ros.bag import read
+from piezo_ros.experiment.errors import CampaignError, PlanError
+from piezo_ros.experiment.plan import Plan, PlannedRun
+from piezo_ros.experiment.provenance import software_versions
+from piezo_ros.report import ScoredRun, score
+
+__all__ = ['Campaign', 'RunResult', 'prepare_directory', 'run_campaign']
+
+_MARKER: Final = 'plan.yaml'
+
+
+@dataclass(frozen=True)
+class RunResult:
+    """
+    How one run went.
+
+    Attributes
+    ----------
+    wall_seconds : float
+        Wall-clock time from the first sample to the last, without start-up.
+    notes : tuple of str
+        What a reader of the report should know.
+
+    """
+
+    wall_seconds: float
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """
+    What came of a plan.
+
+    Attributes
+    ----------
+    runs : tuple of ScoredRun
+        The scored runs, in the order of the plan.
+    report : Path
+        The written report.html.
+
+    """
+
+    runs: tuple[ScoredRun, ...]
+    report: Path
+
+
+def prepare_directory(directory: Path, *, force: bool) -> None:
+    """
+    Make an empty directory for the output.
+
+    Parameters
+    ----------
+    directory : Path
+        Where the output goes.
+    force : bool
+        Replace an earlier output; anything else that is there is never deleted.
+
+    Raises
+    ------
+    PlanError
+        If the directory exists and may not be replaced.
+
+    """
+    if directory.exists() and (not directory.is_dir() or any(directory.iterdir())):
+        if not force:
+            raise PlanError(f'{directory} exists; --force replaces it')
+        if not (directory / _MARKER).is_file():
+            raise PlanError(
+                f'{directory} exists and is no earlier output (it has no {_MARKER}); '
+                'it is not replaced')
+        shutil.rmtree(directory)
+    directory.mkdir(parents=True, exist_ok=True)
+
+
+def run_campaign(
+    plan: Plan,
+    directory: Path,
+    run: Callable[[PlannedRun, Path], RunResult],
+    announce: Callable[[str], None] = lambda text: None,
+) -> Campaign:
+    """
+    Do every run of a plan and write the report.
+
+    Parameters
+    ----------
+    plan : Plan
+        The plan.
+    directory : Path
+        An empty directory; bags/, report.html, report.json, runs.csv and figures/ are written.
+    run : callable
+        Does one run into the bag directory it is given.
+    announce : callable, optional
+        Is told of each run before it starts.
+
+    Returns
+    -------
+    Campaign
+        The scored runs and the report.
+
+    Raises
+    ------
+    CampaignError
+        If a run does not come to its end. The runs before it are reported all the same.
+
+    """
+    from piezo_ros.report.html import write_report
+
+    shutil.copyfile(plan.path, directory / _MARKER)
+    scored: list[ScoredRun] = []
+    notes: list[str] = []
+    failure: CampaignError | None = None
+    for number, planned in enumerate(plan.runs, start=1):
+        announce(f'[{number}/{len(plan.runs)}] {describe(planned)}')
+        bag = directory / 'bags' / planned.name
+        try:
+            result = run(planned, bag)
+        except CampaignError as error:
+            failure = error
+            notes.append(f'The campaign ended at run {number}, {planned.name}: {error}')
+            break
+        notes += [f'{planned.name}: {note}' for note in result.notes]
+        scored.append(score(
+            read(bag), periods=plan.score_periods, bag=str(bag.relative_to(directory)),
+            wall_seconds=result.wall_seconds))
+    report = directory / 'report.html'
+    if scored:
+        report = write_report(
+            directory, title=plan.title, runs=scored, software=software_versions(),
+            notes=notes, plan=plan.path.read_text(encoding='utf-8'),
+            command=' '.join(['piezo', *sys.argv[1:]]))
+    if failure:
+        raise failure
+    return Campaign(tuple(scored), report)
+
+
+def describe(planned: PlannedRun) -> str:
+    """Return one line about a run."""
+    trajectory = planned.trajectory
+    return (
+        f'{planned.controller.scheme}: {trajectory.waveform} {trajectory.amplitude_um:g} um, '
+        f'{trajectory.frequency_hz:g} Hz, m = {trajectory.harmonics}, '
+        f'{trajectory.samples} samples')

@@ -1,0 +1,154 @@
+"""
+Every parameter of every node: the one source of defaults, descriptions and ranges.
+
+The nodes declare these sets, plans and offline simulation check against them, and the tables of the
+documentation are printed from them.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+from piezo_ros.bag import STREAMS
+from piezo_ros.control import ControllerParameters, TrajectoryParameters
+from piezo_ros.model import HysteresisParameters, ParameterError, ParameterSet, RigParameters
+from piezo_ros.model.parameters import parameter
+
+__all__ = [
+    'NODE_PARAMETERS',
+    'BlockParameters',
+    'DemandParameters',
+    'RecorderParameters',
+    'SafetyParameters',
+    'StageParameters',
+    'check_node_parameters',
+]
+
+
+@dataclass(frozen=True, kw_only=True)
+class StageParameters(ParameterSet):
+    """What every node has, whatever it computes."""
+
+    sample_period_s: float = parameter(
+        1e-5, 's', 'simulated sample period; blocks with another one end the run',
+        minimum=1e-9, maximum=1e3)
+    start_index: int = parameter(
+        0, '', 'index of the first sample; -1 takes any (replay from the middle)',
+        minimum=-1, maximum=2**53)
+    handshake_timeout_s: float = parameter(
+        10.0, 's', 'how long activation waits for the peers', minimum=0.0, maximum=1e6)
+    required_readers: int = parameter(
+        1, '', 'readers that each output needs before the run starts: 2 with a recorder',
+        minimum=0, maximum=1000)
+    autostart: bool = parameter(
+        True, '', 'configure and activate at start, without a lifecycle manager')
+    linger_s: float = parameter(
+        1.0, 's', 'how long the process stays after its run, for whoever asks it for parameters or '
+        'status; negative: until it is told to end', minimum=-1.0, maximum=1e6)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SafetyParameters(ParameterSet):
+    """How the plant guards its voltage."""
+
+    watchdog_s: float = parameter(
+        2.0, 's', 'wall-clock time without voltage after which the run ends',
+        minimum=0.01, maximum=1e6)
+    safe_slew_v_per_s: float = parameter(
+        1000.0, 'V/s', 'how fast the voltage goes to zero deviation at the end',
+        minimum=1e-3, maximum=1e9)
+
+
+@dataclass(frozen=True, kw_only=True)
+class DemandParameters(ParameterSet):
+    """How far the trajectory may run ahead of the controller."""
+
+    lookahead_samples: int = parameter(
+        1000, 'samples', 'how far the demand leads the displacement', minimum=1, maximum=10**9)
+    max_buffer_samples: int = parameter(
+        10**6, 'samples', 'how much of a stream may wait; more is a fault',
+        minimum=1, maximum=10**9)
+
+
+@dataclass(frozen=True, kw_only=True)
+class BlockParameters(ParameterSet):
+    """How the trajectory is cut into blocks."""
+
+    block_samples: int = parameter(
+        100, 'samples', 'largest block', minimum=1, maximum=10**6)
+
+
+@dataclass(frozen=True, kw_only=True)
+class RecorderParameters(ParameterSet):
+    """Where and what to record."""
+
+    bag_directory: str = parameter(
+        '', '', 'directory of the bag; must not exist; empty: named after date and time')
+    streams: str = parameter(
+        ','.join(STREAMS), '', 'streams to record, separated by commas')
+    compression: str = parameter(
+        'zstd', '', 'compression of the chunks', choices=('zstd', 'lz4', 'none'))
+    flush_period_s: float = parameter(
+        1.0, 's', 'wall-clock time after which what was recorded is on its way to the disk',
+        minimum=0.01, maximum=1e6)
+    parameters_timeout_s: float = parameter(
+        3.0, 's', 'how long to wait for the parameters of the other nodes',
+        minimum=0.0, maximum=1e6)
+
+    def check_together(self) -> None:
+        """Refuse streams that do not exist."""
+        for stream in self.stream_names:
+            if stream not in STREAMS:
+                raise ParameterError(
+                    f'streams has {stream!r}, allowed are {", ".join(STREAMS)}')
+
+    @property
+    def stream_names(self) -> tuple[str, ...]:
+        """The streams as a tuple."""
+        return tuple(name.strip() for name in self.streams.split(','))
+
+
+# Node -> its parameter sets, the model's first. Also the order of bring-up: readers before writers.
+NODE_PARAMETERS: Final[Mapping[str, tuple[type[ParameterSet], ...]]] = {
+    'recorder': (RecorderParameters, StageParameters),
+    'compensator': (HysteresisParameters, StageParameters),
+    'controller': (ControllerParameters, DemandParameters, StageParameters),
+    'plant': (RigParameters, SafetyParameters, StageParameters),
+    'trajectory': (TrajectoryParameters, BlockParameters, StageParameters),
+}
+
+
+def check_node_parameters(node: str, values: Mapping[str, Any]) -> dict[str, Any]:
+    """
+    Return all parameters of a node, defaults filled in.
+
+    Parameters
+    ----------
+    node : str
+        One of `NODE_PARAMETERS`.
+    values : mapping of str to value
+        Any subset of its parameters.
+
+    Returns
+    -------
+    dict of str to value
+        Every parameter of the node.
+
+    Raises
+    ------
+    ParameterError
+        If the node has no such parameter, or refuses the value.
+
+    """
+    complete: dict[str, Any] = {}
+    known: list[str] = []
+    for parameter_set in NODE_PARAMETERS[node]:
+        names = list(parameter_set().to_mapping())
+        known += names
+        own = {name: value for name, value in values.items() if name in names}
+        complete.update(parameter_set.from_mapping(own).to_mapping())
+    for name in values:
+        if name not in known:
+            raise ParameterError(
+                f'unknown parameter {name!r} of {node}; it has {", ".join(sorted(known))}')
+    return complete

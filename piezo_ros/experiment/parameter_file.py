@@ -1,0 +1,66 @@
+"""ROS parameter files, read without ROS."""
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from piezo_ros.experiment.errors import PlanError
+
+__all__ = ['read_parameter_file', 'read_yaml']
+
+
+def read_yaml(path: Path) -> Any:
+    """
+    Return the content of a YAML file.
+
+    Raises
+    ------
+    PlanError
+        If it cannot be read.
+
+    """
+    try:
+        return yaml.safe_load(path.read_text(encoding='utf-8'))
+    except OSError as error:
+        raise PlanError(f'{path}: {error.strerror}') from None
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise PlanError(f'{path} is no YAML: {error}') from None
+
+
+def read_parameter_file(path: Path, nodes: Iterable[str]) -> dict[str, dict[str, Any]]:
+    """
+    Return the parameters that a ROS parameter file gives to some nodes.
+
+    Parameters
+    ----------
+    path : Path
+        A file of the form ``/**/plant: {ros__parameters: {…}}``.
+    nodes : iterable of str
+        Node names to look for, without namespace.
+
+    Returns
+    -------
+    dict of str to dict
+        Node name to its parameters, for the nodes that the file names; ``/**`` is every node.
+
+    Raises
+    ------
+    PlanError
+        If the file is of another form.
+
+    """
+    content = read_yaml(path)
+    if not isinstance(content, Mapping):
+        raise PlanError(f'{path} is no ROS parameter file: the top level must be a mapping')
+    parameters: dict[str, dict[str, Any]] = {}
+    for key, section in content.items():
+        if not isinstance(section, Mapping) or not isinstance(
+                section.get('ros__parameters'), Mapping):
+            raise PlanError(f'{path}: {key!r} has no mapping ros__parameters')
+        last = str(key).rpartition('/')[2]
+        for node in nodes:
+            if last in (node, '*', '**'):
+                parameters.setdefault(node, {}).update(section['ros__parameters'])
+    return parameters

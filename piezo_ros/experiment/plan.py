@@ -1,0 +1,215 @@
+"""Plans: which runs to do, read from YAML and checked before anything is started."""
+
+import itertools
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from piezo_ros.control import ControllerParameters, TrajectoryParameters
+from piezo_ros.experiment.errors import PlanError
+from piezo_ros.experiment.node_parameters import check_node_parameters
+from piezo_ros.experiment.parameter_file import read_parameter_file, read_yaml
+from piezo_ros.model import HysteresisParameters, ParameterError, RigParameters
+
+__all__ = ['STAGES', 'Plan', 'PlannedRun', 'read_plan']
+
+STAGES: Final = ('compensator', 'controller', 'plant', 'trajectory')
+FORMAT_VERSION: Final = 1
+_PLAN_KEYS: Final = (
+    'format_version', 'title', 'parameter_files', 'sample_period_s', 'score_periods', 'runs')
+# The keys of a run that are short for a parameter of a node; every other key names a node.
+_SHORT_KEYS: Final = {
+    'scheme': 'controller',
+    'waveform': 'trajectory',
+    'amplitude_um': 'trajectory',
+    'frequency_hz': 'trajectory',
+    'harmonics': 'trajectory',
+    'periods': 'trajectory',
+    'ramp_periods': 'trajectory',
+}
+
+
+@dataclass(frozen=True)
+class PlannedRun:
+    """
+    One run.
+
+    Attributes
+    ----------
+    name : str
+        Name of its directories, unique within the plan.
+    parameters : mapping of str to mapping
+        Stage (node name) to all of its parameters.
+
+    """
+
+    name: str
+    parameters: Mapping[str, Mapping[str, Any]]
+
+    @property
+    def plant(self) -> RigParameters:
+        """The rig."""
+        return _subset(RigParameters, self.parameters['plant'])
+
+    @property
+    def compensator(self) -> HysteresisParameters:
+        """The hysteresis that the compensator inverts."""
+        return _subset(HysteresisParameters, self.parameters['compensator'])
+
+    @property
+    def controller(self) -> ControllerParameters:
+        """Gains and scheme."""
+        return _subset(ControllerParameters, self.parameters['controller'])
+
+    @property
+    def trajectory(self) -> TrajectoryParameters:
+        """The desired trajectory."""
+        return _subset(TrajectoryParameters, self.parameters['trajectory'])
+
+
+@dataclass(frozen=True)
+class Plan:
+    """
+    A plan.
+
+    Attributes
+    ----------
+    path : Path
+        Where it was read from.
+    title : str
+        Title of the report.
+    score_periods : float
+        Periods at the end of each run that are scored.
+    runs : tuple of PlannedRun
+        The runs, in order.
+
+    """
+
+    path: Path
+    title: str
+    score_periods: float
+    runs: tuple[PlannedRun, ...]
+
+
+def read_plan(path: Path) -> Plan:
+    """
+    Read a plan and check every run of it.
+
+    Parameters
+    ----------
+    path : Path
+        A YAML file; see config/experiments/demo.yaml. A list in a run stands for one run each.
+
+    Returns
+    -------
+    Plan
+        The checked plan.
+
+    Raises
+    ------
+    PlanError
+        For an unknown key, a value out of range, an amplitude beyond the travel, a frequency above
+        Nyquist; the text names file, run, key and value.
+
+    """
+    content = read_yaml(path)
+    if not isinstance(content, Mapping):
+        raise PlanError(f'{path} is no plan: the top level must be a mapping')
+    _refuse_unknown(str(path), content, _PLAN_KEYS)
+    version = content.get('format_version')
+    if version != FORMAT_VERSION:
+        raise PlanError(f'{path}: format_version is {version!r}, only {FORMAT_VERSION} is known')
+    base: dict[str, dict[str, Any]] = {stage: {} for stage in STAGES}
+    for name in _list(path, 'parameter_files', content.get('parameter_files', [])):
+        file = path.parent / str(name)
+        for stage, values in read_parameter_file(file, STAGES).items():
+            _check(str(file), stage, values)
+            base[stage].update(values)
+    if 'sample_period_s' in content:
+        for stage in STAGES:
+            base[stage]['sample_period_s'] = content['sample_period_s']
+    entries = _list(path, 'runs', content.get('runs'))
+    runs: list[PlannedRun] = []
+    for number, entry in enumerate(entries, start=1):
+        where = f'{path}: run {number}'
+        if not isinstance(entry, Mapping):
+            raise PlanError(f'{where} is {entry!r}, it must be a mapping')
+        _refuse_unknown(where, entry, (*_SHORT_KEYS, *STAGES))
+        for combination in _combinations(entry):
+            runs.append(_planned(where, base, combination, len(runs)))
+    if not runs:
+        raise PlanError(f'{path}: runs is empty')
+    score_periods = content.get('score_periods', 4)
+    if isinstance(score_periods, bool) or not isinstance(score_periods, int | float):
+        raise PlanError(f'{path}: score_periods is {score_periods!r}, it must be a number')
+    for run in runs:
+        periods = run.trajectory.periods
+        if not 0.0 < score_periods <= periods:
+            raise PlanError(
+                f'{path}: score_periods is {score_periods}, allowed is 0 … {periods} '
+                f'(periods of {run.name})')
+    return Plan(path, str(content.get('title', path.stem)), float(score_periods), tuple(runs))
+
+
+def _combinations(entry: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Return one mapping for each combination of the listed values; the last key runs fastest."""
+    choices = [
+        value if key in _SHORT_KEYS and isinstance(value, list) else [value]
+        for key, value in entry.items()]
+    return [dict(zip(entry, values, strict=True)) for values in itertools.product(*choices)]
+
+
+def _planned(
+    where: str, base: Mapping[str, Mapping[str, Any]], entry: Mapping[str, Any], number: int,
+) -> PlannedRun:
+    values = {stage: dict(base[stage]) for stage in STAGES}
+    for key, value in entry.items():
+        if key in STAGES:
+            if not isinstance(value, Mapping):
+                raise PlanError(f'{where}: {key} is {value!r}, it must be a mapping of parameters')
+            values[key].update(value)
+    for key, value in entry.items():
+        if key in _SHORT_KEYS:
+            values[_SHORT_KEYS[key]][key] = value
+    parameters = {stage: _check(where, stage, values[stage]) for stage in STAGES}
+    periods = {stage: parameters[stage]['sample_period_s'] for stage in STAGES}
+    if len(set(periods.values())) > 1:
+        raise PlanError(f'{where}: sample_period_s differs between the nodes: {periods}')
+    trajectory = parameters['trajectory']
+    name = (
+        f'{number:03d}_{parameters["controller"]["scheme"]}_{trajectory["waveform"]}'
+        f'_{trajectory["amplitude_um"]:g}um_{trajectory["frequency_hz"]:g}hz')
+    run = PlannedRun(name, parameters)
+    reach_um = run.plant.reach_um
+    if trajectory['amplitude_um'] > reach_um:
+        raise PlanError(
+            f'{where}: amplitude_um is {trajectory["amplitude_um"]} um, the stage travels '
+            f'{reach_um:g} um to either side of its operating point')
+    return run
+
+
+def _check(where: str, stage: str, values: Mapping[str, Any]) -> dict[str, Any]:
+    try:
+        return check_node_parameters(stage, values)
+    except ParameterError as error:
+        raise PlanError(f'{where}: {stage}: {error}') from None
+
+
+def _refuse_unknown(where: str, content: Mapping[str, Any], known: tuple[str, ...]) -> None:
+    for key in content:
+        if key not in known:
+            raise PlanError(f'{where}: unknown key {key!r}; allowed are {", ".join(known)}')
+
+
+def _list(path: Path, key: str, value: Any) -> list[Any]:
+    if not isinstance(value, list):
+        raise PlanError(f'{path}: {key} is {value!r}, it must be a list')
+    return value
+
+
+def _subset(parameter_set: type[Any], values: Mapping[str, Any]) -> Any:
+    names = parameter_set().to_mapping()
+    return parameter_set.from_mapping({name: values[name] for name in names})
+
+

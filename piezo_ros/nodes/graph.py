@@ -1,0 +1,264 @@
+"""
+Starts the node graph of one run as processes, watches it, and ends it whatever happens.
+
+Every process is told the process that started it and ends with it, so that nothing is left behind
+even when this process is killed.
+"""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Final
+
+import rclpy
+import yaml
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.signals import SignalHandlerOptions
+from std_msgs.msg import String
+
+from piezo_ros.bag import BagError, salvage
+from piezo_ros.experiment.campaign import RunResult
+from piezo_ros.experiment.errors import CampaignError
+from piezo_ros.experiment.plan import STAGES, PlannedRun
+from piezo_ros.nodes.executables import PARENT_VARIABLE
+from piezo_ros.nodes.middleware import set_middleware_defaults
+
+__all__ = ['GraphRunner']
+
+_POLL_S: Final = 0.02
+_GRACE_S: Final = ((signal.SIGINT, 10.0), (signal.SIGTERM, 3.0), (signal.SIGKILL, 3.0))
+# Every writer's last status is wanted, not only the newest of all.
+_STATUS_QOS: Final = QoSProfile(
+    history=HistoryPolicy.KEEP_ALL, reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+class GraphRunner:
+    """
+    Does runs of a plan on live nodes.
+
+    Parameters
+    ----------
+    directory : Path
+        Output directory; logs/ and parameters/ go below it.
+    namespace : str
+        Namespace of the nodes; of its own for every process by default.
+    composed : bool
+        One process for the four stages in place of four.
+    progress : callable
+        Is told the share of the run that is done, 0 … 1.
+
+    """
+
+    def __init__(
+        self, directory: Path, *, namespace: str = '', composed: bool = False,
+        progress: Callable[[float], None] = lambda share: None,
+    ) -> None:
+        set_middleware_defaults()
+        self._directory = directory
+        self._namespace = '/' + (namespace or f'piezo_{os.getpid()}').strip('/')
+        self._composed = composed
+        self._progress = progress
+        self._stop_signal = 0
+
+    def __enter__(self) -> 'GraphRunner':
+        """Listen to the status of the nodes; take over SIGINT and SIGTERM."""
+        self._old_handlers = {
+            number: signal.signal(number, self._on_signal)
+            for number in (signal.SIGINT, signal.SIGTERM)}
+        rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+        self._node = rclpy.create_node('supervisor', namespace=self._namespace)
+        self._subscription = self._node.create_subscription(
+            String, 'status', lambda message: None, _STATUS_QOS)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Give everything back."""
+        self._node.destroy_node()
+        rclpy.try_shutdown()
+        for number, handler in self._old_handlers.items():
+            signal.signal(number, handler)
+
+    def __call__(self, planned: PlannedRun, bag: Path) -> RunResult:
+        """
+        Do one run.
+
+        Parameters
+        ----------
+        planned : PlannedRun
+            The run.
+        bag : Path
+            Bag directory; must not exist.
+
+        Returns
+        -------
+        RunResult
+            Wall-clock time while samples flowed.
+
+        Raises
+        ------
+        CampaignError
+            If a node failed or died, or somebody wanted the run to end; what was recorded is in
+            the bag.
+
+        """
+        if self._stop_signal:
+            raise CampaignError(_stopped_by(self._stop_signal))
+        logs = self._directory / 'logs' / planned.name
+        logs.mkdir(parents=True)
+        run = _LiveRun(planned)
+        self._take_statuses()  # what is left of the run before
+        run.statuses.clear()
+        arguments = self._parameter_files(planned, bag)
+        names = ('recorder', 'loop') if self._composed else ('recorder', *STAGES)
+        try:
+            for name in names:
+                run.start(name, arguments, logs)
+            while not (run.recorded() or run.dead() or self._stop_signal):
+                self._follow(run)
+                time.sleep(_POLL_S)
+            run.stop()
+            self._follow(run)
+        finally:
+            run.kill()
+        return self._result(run, bag, logs)
+
+    def _on_signal(self, number: int, _frame: Any) -> None:
+        self._stop_signal = number
+
+    def _parameter_files(self, planned: PlannedRun, bag: Path) -> list[str]:
+        """Write the parameter file of the run and return the arguments that load it."""
+        # The stages stay until the recorder has all it wants of them.
+        common = {'required_readers': 2, 'linger_s': -1.0, 'autostart': True}
+        sections = {
+            stage: {**planned.parameters[stage], **common} for stage in STAGES}
+        sections['recorder'] = {
+            'bag_directory': str(bag.absolute()), 'linger_s': 0.0,
+            'sample_period_s': planned.trajectory.sample_period_s}
+        path = self._directory / 'parameters' / f'{planned.name}.yaml'
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(yaml.safe_dump({
+            f'{self._namespace}/{node}': {'ros__parameters': dict(values)}
+            for node, values in sections.items()}), encoding='utf-8')
+        return ['--ros-args', '-r', f'__ns:={self._namespace}', '--params-file', str(path)]
+
+    def _take_statuses(self) -> list[dict[str, Any]]:
+        statuses = []
+        while (taken := self._subscription.handle.take_message(String, False)) is not None:
+            statuses.append(json.loads(taken[0].data))
+        return statuses
+
+    def _follow(self, run: '_LiveRun') -> None:
+        for status in self._take_statuses():
+            run.statuses[status['node']] = status
+        plant, total = run.statuses.get('plant', {}), run.planned.trajectory.samples
+        self._progress(min(1.0, plant.get('index', 0) / total))
+
+    def _result(self, run: '_LiveRun', bag: Path, logs: Path) -> RunResult:
+        notes: list[str] = []
+        if not (bag / 'metadata.yaml').is_file() and bag.exists():
+            notes.append(_rescue(bag))
+        problems = run.problems()
+        if self._stop_signal:
+            problems.insert(0, _stopped_by(self._stop_signal))
+        if problems:
+            voltage_v = run.statuses.get('plant', {}).get('voltage_v')
+            if voltage_v is not None:
+                problems.append(f'the voltage deviation is {voltage_v:g} V')
+            problems.append(f'logs: {logs}')
+            raise CampaignError('; '.join([*problems, *notes]))
+        return RunResult(run.wall_seconds, tuple(notes))
+
+
+class _LiveRun:
+    """The processes of one run and what they said."""
+
+    def __init__(self, planned: PlannedRun) -> None:
+        self.planned = planned
+        self.statuses: dict[str, dict[str, Any]] = {}
+        self._processes: dict[str, subprocess.Popen[bytes]] = {}
+        self._blamed: dict[str, int] = {}
+
+    def start(self, name: str, arguments: list[str], logs: Path) -> None:
+        """Start one executable, its output into a log."""
+        with (logs / f'{name}.log').open('wb') as log:
+            self._processes[name] = subprocess.Popen(
+                [sys.executable, '-m', 'piezo_ros.nodes.executables', name, *arguments],
+                stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT,
+                # A Ctrl-C shall reach them through this process, in order.
+                start_new_session=True,
+                env={**os.environ, PARENT_VARIABLE: str(os.getpid())})
+
+    def recorded(self) -> bool:
+        """Return whether the recorder has ended: every stream has, then."""
+        return self._processes['recorder'].poll() is not None
+
+    def going(self) -> bool:
+        """Return whether any process runs."""
+        return any(process.poll() is None for process in self._processes.values())
+
+    def dead(self) -> bool:
+        """Return whether a process ended otherwise than well, and remember it."""
+        for name, process in self._processes.items():
+            code = process.poll()
+            if code:
+                self._blamed.setdefault(name, code)
+        return bool(self._blamed)
+
+    @property
+    def wall_seconds(self) -> float:
+        """Wall-clock time from the first voltage to the last."""
+        return float(self.statuses.get('plant', {}).get('elapsed_s', 0.0))
+
+    def stop(self) -> None:
+        """Ask every process to end, and make sure."""
+        for step, grace_s in _GRACE_S:
+            for process in self._processes.values():
+                if process.poll() is None:
+                    process.send_signal(step)
+            deadline = time.monotonic() + grace_s
+            while self.going() and time.monotonic() < deadline:
+                time.sleep(_POLL_S)
+            if not self.going():
+                return
+
+    def kill(self) -> None:
+        """Make sure that no process is left."""
+        for process in self._processes.values():
+            if process.poll() is None:
+                process.kill()
+            process.wait()
+
+    def problems(self) -> list[str]:
+        """Return what went wrong, the first failure only; the others follow from it."""
+        self.dead()
+        for name, code in self._blamed.items():
+            reason = self.statuses.get(name, {}).get('reason', '')
+            if code < 0:
+                return [f'{name} was killed by {signal.Signals(-code).name}']
+            faults = [
+                f'{status["node"]}: {status["reason"]}' for status in self.statuses.values()
+                if status['state'] == 'faulted']
+            return [f'{name} failed' + (f': {reason}' if reason else ''), *faults]
+        return []
+
+
+def _stopped_by(number: int) -> str:
+    return f'stopped by {signal.Signals(number).name}'
+
+
+def _rescue(bag: Path) -> str:
+    """Make a whole bag of one that was not closed; return what was done."""
+    cut = bag.with_name(f'{bag.name}.cut')
+    bag.rename(cut)
+    try:
+        result = salvage(cut, bag)
+    except BagError as error:
+        return f'the bag was not closed and nothing of it is whole ({error}); it is kept in {cut}'
+    count = sum(result.messages.values())
+    return f'the bag was not closed; {count} messages of it were saved, the rest is in {cut}'
