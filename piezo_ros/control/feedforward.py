@@ -66,7 +66,7 @@ def fourier_amplitudes(
     if waveform == 'triangle':
         # sin(k pi/2) is 0, 1, 0, -1 exactly, not to rounding.
         signs = np.array([0.0, 1.0, 0.0, -1.0])[k % 4]
-        return amplitude_um * 8.0 / (k * np.pi) ** 2 * signs
+        return np.asarray(amplitude_um * 8.0 / (k * np.pi) ** 2 * signs)
     if waveform == 'sine':
         return np.where(k == 1, amplitude_um, 0.0)
     raise ParameterError(f'waveform {waveform!r} is not periodic, harmonics must be 0')

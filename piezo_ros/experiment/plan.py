@@ -4,16 +4,17 @@ import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 from piezo_ros.control import ControllerParameters, TrajectoryParameters
 from piezo_ros.experiment.errors import PlanError
 from piezo_ros.experiment.node_parameters import check_node_parameters
 from piezo_ros.experiment.parameter_file import read_parameter_file, read_yaml
-from piezo_ros.model import HysteresisParameters, ParameterError, RigParameters
+from piezo_ros.model import HysteresisParameters, ParameterError, ParameterSet, RigParameters
 
 __all__ = ['STAGES', 'Plan', 'PlannedRun', 'read_plan']
 
+_Set = TypeVar('_Set', bound=ParameterSet)
 STAGES: Final = ('compensator', 'controller', 'plant', 'trajectory')
 FORMAT_VERSION: Final = 1
 _PLAN_KEYS: Final = (
@@ -208,7 +209,7 @@ def _list(path: Path, key: str, value: Any) -> list[Any]:
     return value
 
 
-def _subset(parameter_set: type[Any], values: Mapping[str, Any]) -> Any:
+def _subset(parameter_set: type[_Set], values: Mapping[str, Any]) -> _Set:
     names = parameter_set().to_mapping()
     return parameter_set.from_mapping({name: values[name] for name in names})
 

@@ -24,7 +24,7 @@ __all__ = ['kernel']
 
 _Function = TypeVar('_Function', bound=Callable[..., Any])
 # Kernels allocate nothing; without the counting of references (nrt) they are four times faster.
-_OPTIONS = {'fastmath': False, 'error_model': 'numpy', '_nrt': False}
+_OPTIONS: dict[str, Any] = {'fastmath': False, 'error_model': 'numpy', '_nrt': False}
 _registered: set[Callable[..., Any]] = set()
 
 
@@ -48,12 +48,13 @@ def kernel(function: _Function) -> _Function:
             register_jitable(**_OPTIONS)(shared)
             _registered.add(shared)
     # numba reads the directory when it is told to cache, so other packages keep their own.
-    before = numba.config.CACHE_DIR
-    numba.config.CACHE_DIR = str(_cache_directory())
+    settings: Any = numba.config
+    before = settings.CACHE_DIR
+    settings.CACHE_DIR = str(_cache_directory())
     try:
         return cast('_Function', numba.njit(cache=True, nogil=True, **_OPTIONS)(function))
     finally:
-        numba.config.CACHE_DIR = before
+        settings.CACHE_DIR = before
 
 
 @cache

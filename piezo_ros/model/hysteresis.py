@@ -1,11 +1,11 @@
-"""
+r"""
 The Maxwell resistive capacitor (MRC) hysteresis operator and its exact inverse.
 
 Every voltage-limited element is kept by its *play* value r_i, the displacement around which it is
-at rest: u_i = (x - r_i)/kappa_i with \\|x - r_i\\| <= w_i = kappa_i u_S,i. A saturated element drags
-its play along (r_i = x -/+ w_i), every other one leaves it alone. This is (1) to (4) in Liu 2015
-without the increments, so nothing is ever accumulated and no rounding builds up, however long the
-input.
+at rest: u_i = (x - r_i)/kappa_i with \|x - r_i\| <= w_i = kappa_i u_S,i. A saturated element
+drags its play along (r_i = x -/+ w_i), every other one leaves it alone. This is (1) to (4) in
+Liu 2015 without the increments, so nothing is ever accumulated and no rounding builds up, however
+long the input.
 """
 
 from collections.abc import Sequence
@@ -47,7 +47,8 @@ class HysteresisParameters(ParameterSet):
         if all_elements != limited + 1:
             raise ParameterError(
                 f'kappa_um_per_v has {all_elements} values and saturation_v {limited}; there must '
-                'be one kappa more than saturation voltages (the last one is the unlimited element)')
+                'be one kappa more than saturation voltages (the last one is the unlimited '
+                'element)')
 
 
 class HysteresisConstants(NamedTuple):

@@ -168,7 +168,9 @@ def _check(name: str, value: Any, constraint: Constraint) -> None:
         inside = (low is None or number >= low) and (high is None or number <= high)
         if not (math.isfinite(number) and inside):
             unit = f' {constraint.unit}' if constraint.unit else ''
-            low_text = 'any finite number' if low is None else f'{low:g}'
-            allowed = low_text if low is None and high is None else (
-                f'{"-inf" if low is None else f"{low:g}"} … {"inf" if high is None else f"{high:g}"}')
+            allowed = 'any finite number'
+            if low is not None or high is not None:
+                low_text = '-inf' if low is None else f'{low:g}'
+                high_text = 'inf' if high is None else f'{high:g}'
+                allowed = f'{low_text} … {high_text}'
             raise ParameterError(f'{name} is {number}{unit}, allowed is {allowed}{unit}')

@@ -67,7 +67,8 @@ class RigParameters(HysteresisParameters, DynamicsParameters):
     time_constant_mismatch: float = parameter(
         0.0, '', 'relative deviation of tau', minimum=-0.9, maximum=10.0)
     slew_limit_v_per_s: float = parameter(
-        0.0, 'V/s', 'current limit of the amplifier over the load capacitance, at its input; 0: none',
+        0.0, 'V/s',
+        'current limit of the amplifier over the load capacitance, at its input; 0: none',
         minimum=0.0, maximum=1e9)
     operating_point_v: float = parameter(
         5.0, 'V', 'amplifier input at zero deviation', minimum=-1e3, maximum=1e3)
@@ -83,7 +84,8 @@ class RigParameters(HysteresisParameters, DynamicsParameters):
     dac_bits: int = parameter(16, 'bit', 'D/A resolution; 0: ideal', minimum=0, maximum=32)
     dac_span_v: float = parameter(20.0, 'V', 'D/A range', minimum=1e-3, maximum=1e4)
     adc_bits: int = parameter(18, 'bit', 'A/D resolution; 0: ideal', minimum=0, maximum=32)
-    adc_span_v: float = parameter(20.0, 'V', 'A/D range, centred on zero', minimum=1e-3, maximum=1e4)
+    adc_span_v: float = parameter(
+        20.0, 'V', 'A/D range, centred on zero', minimum=1e-3, maximum=1e4)
     sensor_scale_um_per_v: float = parameter(
         1.2, 'um/V', 'scale of the sensor', minimum=1e-6, maximum=1e6)
     noise_rms_um: float = parameter(

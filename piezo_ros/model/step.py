@@ -2,18 +2,21 @@
 Marks the functions that exist once and run twice: as Python in a node, compiled on arrays offline.
 
 A marked function is ordinary Python over numbers, named tuples and anything indexable. A node calls
-it with lists and never imports numba; `piezo_ros.model.compiled` makes the very same source callable
-from compiled kernels. Both give the same bits, because the operations and their order are the same
-and no fast mathematics is allowed.
+it with lists and never imports numba; `piezo_ros.model.compiled` makes the very same source
+callable from compiled kernels. Both give the same bits, because the operations and their order are
+the same and no fast mathematics is allowed.
 """
 
 from collections.abc import Callable, MutableSequence
-from typing import Any, TypeVar
+from typing import Any, TypeAlias, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
 
 __all__ = ['Vector', 'marked_steps', 'step']
 
 # A list in a node, a float64 array in a compiled kernel.
-Vector = MutableSequence[float]
+Vector: TypeAlias = MutableSequence[float] | NDArray[np.float64]
 
 _Function = TypeVar('_Function', bound=Callable[..., Any])
 _marked: list[Callable[..., Any]] = []
