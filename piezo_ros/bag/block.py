@@ -84,6 +84,7 @@ class BlockCodec:
         self._single_size = len(self._single_head) + 24
         self._single_layout = self._single_head[self._layout_offset:self._length_offset + 4]
         self._pack_single = struct.Struct('<3d').pack
+        self._unpack_whole_single = struct.Struct(f'<{len(self._single_head)}s3d').unpack
         self._unpack_single = struct.Struct('<3d').unpack_from
         self._unpack_pair = struct.Struct('<2d').unpack_from
 
@@ -120,6 +121,18 @@ class BlockCodec:
         values = np.ascontiguousarray(samples, dtype='<f8')
         prefix = struct.pack('<2d', index, sample_period_s)
         return self._head(values.size) + prefix + values.tobytes()
+
+    def decode_one(self, raw: bytes) -> tuple[float, float, float] | None:
+        """
+        Return index, period and sample of a block that `encode_one` made (hot path).
+
+        None stands for every other message, also a valid one; the numbers are not checked.
+        """
+        if len(raw) == self._single_size:
+            head, index, sample_period_s, sample = self._unpack_whole_single(raw)
+            if head == self._single_head:
+                return index, sample_period_s, sample
+        return None
 
     def header(self, samples: int) -> tuple[bytes, bytes]:
         """

@@ -150,12 +150,15 @@ def controller_step(
         error_um = reference_um - measured[(index + 1) % slots]
         base_um += constants.proportional_gain * error_um
         if memory[_TRANSFER] > 0.0:
-            integral_um = memory[_LAST_COMMAND_UM] - base_um
+            held_um = memory[_LAST_COMMAND_UM] - base_um
+            integral_um = held_um
         else:
-            integral_um = memory[_INTEGRAL_UM] + constants.integral_gain * error_um
+            held_um = memory[_INTEGRAL_UM]
+            integral_um = held_um + constants.integral_gain * error_um
         wanted_um = base_um + integral_um
     else:
         error_um = 0.0
+        held_um = 0.0
         integral_um = 0.0
         wanted_um = base_um
     memory[_TRANSFER] = 0.0
@@ -168,7 +171,7 @@ def controller_step(
         if constants.anti_windup == BACK_CALCULATION:
             integral_um += command_um - wanted_um
         elif constants.anti_windup == CLAMPING and error_um * (wanted_um - command_um) > 0.0:
-            integral_um = memory[_INTEGRAL_UM]
+            integral_um = held_um
     memory[_INTEGRAL_UM] = integral_um
     memory[_LAST_COMMAND_UM] = command_um
     return command_um

@@ -9,7 +9,7 @@ from piezo_ros.control import controller, trajectory
 from piezo_ros.model import hysteresis, rig
 from piezo_ros.model.compiled import kernel
 
-__all__ = ['closed_loop']
+__all__ = ['closed_loop', 'trajectory_array']
 
 _controller_step = controller.controller_step
 _inverse_step = hysteresis.inverse_step
@@ -39,3 +39,13 @@ def closed_loop(
         run.command_um[k] = command_um
         run.voltage_v[k] = voltage_v
         run.displacement_um[k + 1] = measured_um
+
+
+@kernel
+def trajectory_array(
+    constants: Any, start: int, reference_um: NDArray[np.float64],
+    feedforward_um: NDArray[np.float64],
+) -> None:
+    """Fill both streams from the sample ``start`` on."""
+    for k in range(reference_um.size):
+        reference_um[k], feedforward_um[k] = _trajectory_step(constants, start + k)

@@ -1,7 +1,10 @@
 """The trajectory generator: reference and feedforward of every sample of a run."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
+
+import numpy as np
 
 from piezo_ros.control.feedforward import (
     FeedforwardConstants,
@@ -18,11 +21,13 @@ from piezo_ros.control.waveform import (
 )
 from piezo_ros.model.dynamics import DynamicsParameters, LinearDynamics
 from piezo_ros.model.parameters import parameter
+from piezo_ros.model.rig import as_arrays
 from piezo_ros.model.step import step
 
 __all__ = [
     'TrajectoryConstants',
     'TrajectoryParameters',
+    'trajectory_blocks',
     'trajectory_constants',
     'trajectory_step',
 ]
@@ -54,6 +59,45 @@ def trajectory_constants(parameters: TrajectoryParameters) -> TrajectoryConstant
     return TrajectoryConstants(
         waveform_constants(parameters),
         feedforward_constants(parameters, parameters.harmonics, LinearDynamics(parameters)))
+
+
+def trajectory_blocks(
+    parameters: TrajectoryParameters, *, compiled: bool = False,
+) -> Callable[[int, int], tuple[list[float], list[float]]]:
+    """
+    Return a trajectory as a function.
+
+    Parameters
+    ----------
+    parameters : TrajectoryParameters
+        The trajectory.
+    compiled : bool
+        Whether to import the compiler; quicker per sample, slower to start.
+
+    Returns
+    -------
+    callable
+        Takes the index of the first sample and their number, and returns the reference and the
+        feedforward, micrometres.
+
+    """
+    constants = trajectory_constants(parameters)
+    if compiled:
+        from piezo_ros.control.kernels import trajectory_array
+        arrays = as_arrays(constants)
+
+        def compiled_block(start: int, count: int) -> tuple[list[float], list[float]]:
+            reference_um, feedforward_um = np.empty(count), np.empty(count)
+            trajectory_array(arrays, start, reference_um, feedforward_um)
+            return reference_um.tolist(), feedforward_um.tolist()
+
+        return compiled_block
+
+    def block(start: int, count: int) -> tuple[list[float], list[float]]:
+        pairs = [trajectory_step(constants, start + k) for k in range(count)]
+        return [pair[0] for pair in pairs], [pair[1] for pair in pairs]
+
+    return block
 
 
 @step

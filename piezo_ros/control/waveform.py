@@ -28,6 +28,7 @@ __all__ = [
 WAVEFORMS = ('triangle', 'sine', 'decreasing_triangle')
 TRIANGLE, SINE, DECREASING_TRIANGLE = range(3)
 TURN_RAD = 2.0 * math.pi
+MOST_SAMPLES = 2**53  # an index is exact in a float64
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,6 +60,10 @@ class WaveformParameters(ParameterSet):
             raise ParameterError(
                 f'periods is {self.periods}, which makes {self.samples} samples; at least 2 are '
                 'needed')
+        if self.samples > MOST_SAMPLES:
+            raise ParameterError(
+                f'periods is {self.periods}, which makes {self.samples} samples; indices end at '
+                f'{MOST_SAMPLES}')
 
     @property
     def samples(self) -> int:

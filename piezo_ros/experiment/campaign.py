@@ -15,7 +15,9 @@ from piezo_ros.report import ScoredRun, score
 
 __all__ = ['Campaign', 'RunResult', 'prepare_directory', 'run_campaign']
 
-_MARKER: Final = 'plan.yaml'
+# Only what bears this name is ever deleted: a plan.yaml of the user's own may lie anywhere.
+_MARKER: Final = '.piezo_output'
+_PLAN: Final = 'plan.yaml'
 
 
 @dataclass(frozen=True)
@@ -56,14 +58,14 @@ class Campaign:
 
 def prepare_directory(directory: Path, *, force: bool) -> None:
     """
-    Make an empty directory for the output.
+    Make a directory for the output, empty but for a mark that says what it is.
 
     Parameters
     ----------
     directory : Path
         Where the output goes.
     force : bool
-        Replace an earlier output; anything else that is there is never deleted.
+        Replace an earlier output, which bears the mark; nothing else is ever deleted.
 
     Raises
     ------
@@ -80,6 +82,7 @@ def prepare_directory(directory: Path, *, force: bool) -> None:
                 'it is not replaced')
         shutil.rmtree(directory)
     directory.mkdir(parents=True, exist_ok=True)
+    (directory / _MARKER).touch()
 
 
 def run_campaign(
@@ -96,7 +99,7 @@ def run_campaign(
     plan : Plan
         The plan.
     directory : Path
-        An empty directory; bags/, report.html, report.json, runs.csv and figures/ are written.
+        As `prepare_directory` leaves it; plan.yaml, bags/, report.html, report.json, runs.csv and figures/ are written.
     run : callable
         Does one run into the bag directory it is given.
     announce : callable, optional
@@ -115,7 +118,7 @@ def run_campaign(
     """
     from piezo_ros.report.html import write_report
 
-    shutil.copyfile(plan.path, directory / _MARKER)
+    shutil.copyfile(plan.path, directory / _PLAN)
     scored: list[ScoredRun] = []
     notes: list[str] = []
     failure: CampaignError | None = None
@@ -136,7 +139,7 @@ def run_campaign(
     if scored:
         report = write_report(
             directory, title=plan.title, runs=scored, software=software_versions(),
-            notes=notes, plan=plan.path.read_text(encoding='utf-8'),
+            notes=notes, plan=(directory / _PLAN).read_text(encoding='utf-8'),
             command=' '.join(['piezo', *sys.argv[1:]]))
     if failure:
         raise failure

@@ -40,6 +40,8 @@ class StageParameters(ParameterSet):
     required_readers: int = parameter(
         1, '', 'readers that each output needs before the run starts: 2 with a recorder',
         minimum=0, maximum=1000)
+    compiled: bool = parameter(
+        False, '', 'compute in compiled code: quicker for each sample, a second more to start')
     autostart: bool = parameter(
         True, '', 'configure and activate at start, without a lifecycle manager')
     linger_s: float = parameter(

@@ -1,5 +1,6 @@
 """ROS parameter files, read without ROS."""
 
+import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,14 @@ import yaml
 from piezo_ros.experiment.errors import PlanError
 
 __all__ = ['read_parameter_file', 'read_yaml']
+
+
+class _Loader(yaml.SafeLoader):
+    """Reads numbers as the parameter files of ROS do: 1e-5 is one, with or without a point."""
+
+
+_Loader.add_implicit_resolver(
+    'tag:yaml.org,2002:float', re.compile(r'[-+]?[0-9]+[eE][-+]?[0-9]+$'), list('-+0123456789'))
 
 
 def read_yaml(path: Path) -> Any:
@@ -22,10 +31,12 @@ def read_yaml(path: Path) -> Any:
 
     """
     try:
-        return yaml.safe_load(path.read_text(encoding='utf-8'))
+        # A loader of the safe kind.
+        return yaml.load(path.read_text(encoding='utf-8'), _Loader)
     except OSError as error:
         raise PlanError(f'{path}: {error.strerror}') from None
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        # ValueError: no UTF-8, a date that does not exist, a number beyond all bounds.
         raise PlanError(f'{path} is no YAML: {error}') from None
 
 

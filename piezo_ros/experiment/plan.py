@@ -137,7 +137,7 @@ def read_plan(path: Path) -> Plan:
         if not isinstance(entry, Mapping):
             raise PlanError(f'{where} is {entry!r}, it must be a mapping')
         _refuse_unknown(where, entry, (*_SHORT_KEYS, *STAGES))
-        for combination in _combinations(entry):
+        for combination in _combinations(where, entry):
             runs.append(_planned(where, base, combination, len(runs)))
     if not runs:
         raise PlanError(f'{path}: runs is empty')
@@ -153,8 +153,11 @@ def read_plan(path: Path) -> Plan:
     return Plan(path, str(content.get('title', path.stem)), float(score_periods), tuple(runs))
 
 
-def _combinations(entry: Mapping[str, Any]) -> list[dict[str, Any]]:
+def _combinations(where: str, entry: Mapping[str, Any]) -> list[dict[str, Any]]:
     """Return one mapping for each combination of the listed values; the last key runs fastest."""
+    for key, value in entry.items():
+        if key in _SHORT_KEYS and value == []:
+            raise PlanError(f'{where}: {key} is an empty list, it must have at least one value')
     choices = [
         value if key in _SHORT_KEYS and isinstance(value, list) else [value]
         for key, value in entry.items()]
@@ -183,10 +186,10 @@ def _planned(
         f'_{trajectory["amplitude_um"]:g}um_{trajectory["frequency_hz"]:g}hz')
     run = PlannedRun(name, parameters)
     reach_um = run.plant.reach_um
-    if trajectory['amplitude_um'] > reach_um:
+    if not 0.0 < trajectory['amplitude_um'] <= reach_um:
         raise PlanError(
-            f'{where}: amplitude_um is {trajectory["amplitude_um"]} um, the stage travels '
-            f'{reach_um:g} um to either side of its operating point')
+            f'{where}: amplitude_um is {trajectory["amplitude_um"]} um, it must be above 0, and '
+            f'the stage travels {reach_um:g} um to either side of its operating point')
     return run
 
 

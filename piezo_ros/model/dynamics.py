@@ -36,7 +36,7 @@ class DynamicsParameters(ParameterSet):
 
     gain_k_rad3_per_s3: float = parameter(
         paper.TABLE_2['gain_k_rad3_per_s3'], 'rad^3/s^3', 'gain k of G(s)',
-        minimum=0.0, maximum=1e24)
+        minimum=1e-24, maximum=1e24)
     zero_b1_rad_per_s: float = parameter(
         paper.TABLE_2['zero_b1_rad_per_s'], 'rad/s', 'coefficient b1 of the zeros of G(s)',
         minimum=-1e9, maximum=1e9)
@@ -153,6 +153,11 @@ class LinearDynamics:
         -------
         StateSpace
             Discrete-time system of order 5, ``y[k] = C x[k]``, ``x[k+1] = A x[k] + B v[k]``.
+
+        Raises
+        ------
+        ValueError
+            If the sample period is not finite and positive.
 
         """
         return discretise_zero_order_hold(

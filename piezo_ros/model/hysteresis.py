@@ -252,6 +252,13 @@ class MaxwellResistiveCapacitor:
                 f'state has shape {play.shape}, it must be {self._constants.width_um.shape}')
         if not np.isfinite(play).all():
             raise ValueError(f'state is {play}, every value must be finite')
+        # Some displacement must lie within the reach of every play, else no input leads there.
+        gap_um = float(np.max(play - self._constants.width_um, initial=-np.inf)
+                       - np.min(play + self._constants.width_um, initial=np.inf))
+        if gap_um > 1e-9 * (1.0 + float(np.max(np.abs(play), initial=0.0))):
+            raise ValueError(
+                f'state is {play}: plays {gap_um:g} um out of reach of each other belong to no '
+                'state of this operator')
         outputs = np.empty_like(inputs)
         array_kernel(play, self._constants, inputs, outputs)
         return outputs, play

@@ -5,15 +5,23 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from piezo_ros.model import hysteresis, rig
+from piezo_ros.model import hysteresis, rig, stepping
 from piezo_ros.model.compiled import kernel
 
-__all__ = ['forward_array', 'inverse_array', 'rig_array']
+__all__ = [
+    'forward_array',
+    'hold_packed_kernel',
+    'inverse_array',
+    'inverse_packed_kernel',
+    'rig_array',
+]
 
 _forward_step = hysteresis.forward_step
 _inverse_step = hysteresis.inverse_step
 _measure_step = rig.measure_step
 _rig_step = rig.rig_step
+_hold_packed = stepping.hold_packed
+_inverse_packed = stepping.inverse_packed
 
 
 @kernel
@@ -45,3 +53,17 @@ def rig_array(
     for k in range(voltage_v.size):
         true_um = _rig_step(state, constants, voltage_v[k])
         displacement_um[k] = _measure_step(constants, true_um, noise[k])
+
+
+@kernel
+def hold_packed_kernel(
+    memory: NDArray[np.float64], voltage_v: float, unit_noise: float,
+) -> float:
+    """Hold a voltage for one sample period and return the reading at its end."""
+    return _hold_packed(memory, voltage_v, unit_noise)
+
+
+@kernel
+def inverse_packed_kernel(memory: NDArray[np.float64], displacement_um: float) -> float:
+    """Return the voltage of one displacement."""
+    return _inverse_packed(memory, displacement_um)

@@ -50,13 +50,14 @@ class NoiseSource:
 
     def __init__(self, seed: int) -> None:
         self._seed = seed
-        self._number = -1
+        self._start = 0
         self._values: list[float] = []
 
     def __call__(self, index: int) -> float:
         """Return the noise of one sample."""
-        number = index // _CHUNK
-        if number != self._number:
-            self._values = _chunk(self._seed, number).tolist()
-            self._number = number
-        return self._values[index - number * _CHUNK]
+        offset = index - self._start
+        if not 0 <= offset < len(self._values):
+            self._start = index - index % _CHUNK
+            self._values = _chunk(self._seed, index // _CHUNK).tolist()
+            offset = index - self._start
+        return self._values[offset]

@@ -8,6 +8,7 @@ with the same words.
 
 import dataclasses
 import math
+import sys
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple, TypeVar
 
@@ -135,7 +136,7 @@ class ParameterSet:
 def _converted(field: 'dataclasses.Field[Any]', value: Any) -> Any:
     """Return the value in the type of the default; YAML writes 1 where 1.0 is meant."""
     default = field.default
-    number = isinstance(value, int | float) and not isinstance(value, bool)
+    number = _is_number(value)
     if isinstance(default, bool):
         valid = isinstance(value, bool)
     elif isinstance(default, int):
@@ -146,8 +147,7 @@ def _converted(field: 'dataclasses.Field[Any]', value: Any) -> Any:
         value = float(value) if valid else value
     elif isinstance(default, tuple):
         value = value.tolist() if hasattr(value, 'tolist') else value  # numpy's and array.array
-        valid = isinstance(value, list | tuple) and all(
-            isinstance(element, int | float) for element in value)
+        valid = isinstance(value, list | tuple) and all(map(_is_number, value))
         value = tuple(map(float, value)) if valid else value
     else:
         valid = isinstance(value, str)
@@ -156,6 +156,14 @@ def _converted(field: 'dataclasses.Field[Any]', value: Any) -> Any:
                 tuple: 'a list of numbers'}[type(default)]
         raise ParameterError(f'{field.name} is {value!r}, it must be {kind}')
     return value
+
+
+def _is_number(value: Any) -> bool:
+    if isinstance(value, bool):
+        return False
+    # An integer may be larger than any float.
+    return isinstance(value, float) or (
+        isinstance(value, int) and abs(value) <= sys.float_info.max)
 
 
 def _check(name: str, value: Any, constraint: Constraint) -> None:

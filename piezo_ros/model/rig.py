@@ -93,7 +93,7 @@ class RigParameters(HysteresisParameters, DynamicsParameters):
     seed: int = parameter(1, '', 'seed of the measurement noise', minimum=0, maximum=2**53)
 
     def check_together(self) -> None:
-        """Refuse ranges that do not contain the operating point."""
+        """Refuse ranges without the operating point and mismatches beyond the dynamics."""
         super().check_together()
         for value, name, low, high in (
             (self.operating_point_v, 'operating_point_v',
@@ -102,6 +102,10 @@ class RigParameters(HysteresisParameters, DynamicsParameters):
         ):
             if not low <= value <= high:
                 raise ParameterError(f'{name} is {value}, allowed is {low} … {high}')
+        try:
+            _ = self.true_dynamics
+        except ParameterError as error:
+            raise ParameterError(f'with its mismatches the rig is out of range: {error}') from None
 
     @property
     def true_dynamics(self) -> DynamicsParameters:
@@ -253,7 +257,12 @@ class Rig:
     state : RigState
         Everything it remembers.
     index : int
-        Index of the next measurement.
+        Index of the present measurement, 0 before the first voltage.
+
+    Raises
+    ------
+    ValueError
+        If the sample period is not finite and positive.
 
     """
 

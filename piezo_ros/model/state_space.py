@@ -1,5 +1,6 @@
 """Small state-space systems: series connection, exact discretisation, and the step of a sample."""
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -68,6 +69,7 @@ def series(*systems: StateSpace) -> StateSpace:
 
 def discretise_zero_order_hold(system: StateSpace, sample_period_s: float) -> StateSpace:
     """Return the exact samples of a system whose input is held constant between them."""
+    _check_sample_period(sample_period_s)
     n = system.a.shape[0]
     augmented = np.zeros((n + 1, n + 1))
     augmented[:n, :n] = system.a * sample_period_s
@@ -83,6 +85,7 @@ def discretise_first_order_hold(system: StateSpace, sample_period_s: float) -> S
     The state is shifted by the present input, which makes the usual form ``y[k] = C x[k] + D u[k]``
     out of one that would need the next input too.
     """
+    _check_sample_period(sample_period_s)
     n = system.a.shape[0]
     augmented = np.zeros((n + 2, n + 2))
     augmented[:n, :n] = system.a * sample_period_s
@@ -93,6 +96,12 @@ def discretise_first_order_hold(system: StateSpace, sample_period_s: float) -> S
     ramp = exponential[:n, n + 1:]  # share of the next input
     constant = exponential[:n, n:n + 1] - ramp  # share of the present input
     return StateSpace(a, a @ ramp + constant, system.c, system.c @ ramp + system.d)
+
+
+def _check_sample_period(sample_period_s: float) -> None:
+    if not 0.0 < sample_period_s < math.inf:
+        raise ValueError(
+            f'sample_period_s is {sample_period_s}, it must be finite and above 0 s')
 
 
 class LinearConstants(NamedTuple):

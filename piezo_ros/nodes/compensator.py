@@ -1,6 +1,7 @@
 """The compensator: linearised command in, voltage out, through the inverse MRC model."""
 
-from piezo_ros.model.hysteresis import HysteresisParameters, hysteresis_constants, inverse_step
+from piezo_ros.model.hysteresis import HysteresisParameters
+from piezo_ros.model.stepping import compensator_stepper
 from piezo_ros.nodes.parameters import read
 from piezo_ros.nodes.stage import Stage
 
@@ -13,30 +14,28 @@ class Compensator(Stage):
     inputs = ('command',)
     outputs = ('voltage',)
 
-    def __init__(self) -> None:
-        super().__init__('compensator')
+    def __init__(self, *, compiled: bool = False) -> None:
+        super().__init__('compensator', compiled=compiled)
 
     def configure(self) -> None:
-        """Make the constants of the inverse model."""
-        self._constants = hysteresis_constants(read(self, HysteresisParameters))
+        """Read the hysteresis to invert."""
+        self._hysteresis = read(self, HysteresisParameters)
 
     def start(self) -> None:
         """Assume a virgin stage."""
-        self._play_um = [0.0] * len(self._constants.width_um)
+        self._inverse = compensator_stepper(self._hysteresis, compiled=self.settings.compiled)
         self._command = self.readers['command']
         self._voltage = self.writers['voltage']
 
     def poll(self) -> bool:
         """Answer one block."""
-        block = self._command.take()
-        if block is None:
+        samples = self._command.take()
+        if samples is None:
             return False
-        samples = block.samples
         if len(samples) == 1:
-            self._voltage.publish_one(inverse_step(self._play_um, self._constants, samples[0]))
+            self._voltage.publish_one(self._inverse(samples[0]))
         elif samples:
-            self._voltage.publish(
-                [inverse_step(self._play_um, self._constants, sample) for sample in samples])
+            self._voltage.publish([self._inverse(sample) for sample in samples])
         else:
             self.finish()
         return True

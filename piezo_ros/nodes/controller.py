@@ -28,8 +28,8 @@ class Controller(Stage):
     inputs = ('reference', 'feedforward', 'displacement')
     outputs = ('command',)
 
-    def __init__(self) -> None:
-        super().__init__('controller')
+    def __init__(self, *, compiled: bool = False) -> None:
+        super().__init__('controller', compiled=compiled)
 
     def configure(self) -> None:
         """Make the constants of the control law."""

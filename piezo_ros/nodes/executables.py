@@ -34,7 +34,8 @@ def _run(*names: str) -> int:
 
     classes = [
         getattr(import_module(f'piezo_ros.nodes.{name}'), name.capitalize()) for name in names]
-    return host(lambda: [stage() for stage in classes])
+    # Several stages in one process share the time that the compiler's import takes.
+    return host(lambda: [stage(compiled=len(classes) > 1) for stage in classes])
 
 
 def _end_with_parent() -> None:

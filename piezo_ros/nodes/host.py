@@ -21,6 +21,7 @@ _HOUSEKEEPING_S = 0.05
 _YIELD_S = 0.02  # how long an empty loop only yields before it sleeps
 _SHORT_SLEEP_S = 0.001
 _LONG_SLEEP_S = 0.01
+_FLOW = ('controller', 'compensator', 'plant')
 
 
 class _Stop:
@@ -116,7 +117,8 @@ def _bring_up(stages: Sequence[Stage], stop: _Stop) -> bool:
 
 
 def _stream_loop(stages: Sequence[Stage], stop: _Stop) -> None:
-    serves = [stage.serve for stage in stages]
+    # In the direction of flow, so that each finds what the one before has just sent.
+    serves = [stage.serve for stage in sorted(stages, key=_place_in_flow)]
     next_housekeeping = time.monotonic()
     idle_since: float | None = None
     turns = 0
@@ -145,6 +147,10 @@ def _stream_loop(stages: Sequence[Stage], stop: _Stop) -> None:
                 stage.housekeeping(now)
             if _all_over(stages, 0.0 if idle_since is None else now - idle_since):
                 return
+
+
+def _place_in_flow(stage: Stage) -> int:
+    return _FLOW.index(stage.get_name()) if stage.get_name() in _FLOW else len(_FLOW)
 
 
 def _all_over(stages: Sequence[Stage], idle_s: float) -> bool:

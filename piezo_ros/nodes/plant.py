@@ -6,13 +6,8 @@ from typing import Any
 
 from piezo_ros.experiment.node_parameters import SafetyParameters
 from piezo_ros.model.noise import NoiseSource
-from piezo_ros.model.rig import (
-    RigParameters,
-    initial_state,
-    measure_step,
-    rig_constants,
-    rig_step,
-)
+from piezo_ros.model.rig import RigParameters, measure_step, rig_constants
+from piezo_ros.model.stepping import rig_stepper
 from piezo_ros.nodes.parameters import read
 from piezo_ros.nodes.stage import Stage
 from piezo_ros.nodes.streams import StreamFault
@@ -26,20 +21,20 @@ class Plant(Stage):
     inputs = ('voltage',)
     outputs = ('displacement',)
 
-    def __init__(self) -> None:
+    def __init__(self, *, compiled: bool = False) -> None:
         self._voltage_v = 0.0
         self._elapsed_s = 0.0
-        super().__init__('plant')
+        super().__init__('plant', compiled=compiled)
 
     def configure(self) -> None:
-        """Make the constants of the rig."""
+        """Read the parameters of the rig."""
         self._rig = read(self, RigParameters)
         self._safety = read(self, SafetyParameters)
-        self._constants = rig_constants(self._rig, self.settings.sample_period_s)
 
     def start(self) -> None:
         """Put the rig to rest at its operating point and send its first reading."""
-        self._rig_state = initial_state(self._constants)
+        period_s = self.settings.sample_period_s
+        self._hold = rig_stepper(self._rig, period_s, compiled=self.settings.compiled)
         self._noise = NoiseSource(self._rig.seed)
         self._voltage = self.readers['voltage']
         self._displacement = self.writers['displacement']
@@ -49,31 +44,31 @@ class Plant(Stage):
         self._began_s = time.perf_counter()
         self._elapsed_s = 0.0
         first = max(self.settings.start_index, 0)
-        self._index = self._first = first
-        self._displacement.publish_one(measure_step(self._constants, 0.0, self._noise(first)))
+        self._index = first
+        self._displacement.publish_one(
+            measure_step(rig_constants(self._rig, period_s), 0.0, self._noise(first)))
 
     def poll(self) -> bool:
         """Answer one block."""
-        block = self._voltage.take()
-        if block is None:
+        samples = self._voltage.take()
+        if samples is None:
             return False
-        if block.index == self._first:
+        if self._displacement.sent == 1:
             self._began_s = time.perf_counter()
-        samples = block.samples
         if len(samples) == 1:
-            self._displacement.publish_one(self._hold(samples[0]))
+            self._index += 1
+            self._voltage_v = samples[0]
+            self._displacement.publish_one(self._hold(samples[0], self._noise(self._index)))
         elif samples:
-            self._displacement.publish([self._hold(sample) for sample in samples])
+            self._displacement.publish([
+                self._hold(sample, self._noise(index))
+                for index, sample in enumerate(samples, start=self._index + 1)])
+            self._index += len(samples)
+            self._voltage_v = samples[-1]
         else:
             self._elapsed_s = time.perf_counter() - self._began_s
             self.finish()
         return True
-
-    def _hold(self, voltage_v: float) -> float:
-        self._voltage_v = voltage_v
-        self._index += 1
-        true_um = rig_step(self._rig_state, self._constants, voltage_v)
-        return measure_step(self._constants, true_um, self._noise(self._index))
 
     def watch(self, now_s: float) -> None:
         """End the run when the voltage stays away; a killed peer leaves discovery only later."""
@@ -94,7 +89,7 @@ class Plant(Stage):
                 self._voltage_v = 0.0
             else:
                 self._voltage_v -= math.copysign(step_v, self._voltage_v)
-            rig_step(self._rig_state, self._constants, self._voltage_v)
+            self._hold(self._voltage_v, 0.0)
 
     def status_fields(self) -> dict[str, Any]:
         """Return the voltage that the rig is driven with and how long the run took."""

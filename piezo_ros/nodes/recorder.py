@@ -24,9 +24,9 @@ _SETTLE_S = 0.2  # how long a stopped recorder waits for what is still on its wa
 class Recorder(Stage):
     """Writes what arrives; closes the bag when every stream has ended."""
 
-    def __init__(self) -> None:
+    def __init__(self, *, compiled: bool = False) -> None:
         self._bag: BagWriter | None = None
-        super().__init__('recorder')
+        super().__init__('recorder', compiled=compiled)
 
     def configure(self) -> None:
         """Decide where to record; a directory that exists is refused now, not later."""

@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 from std_msgs.msg import String
@@ -37,15 +38,18 @@ class Stage(LifecycleNode):
     ----------
     name : str
         Node name, one of `NODE_PARAMETERS`.
+    compiled : bool
+        What the parameter of that name is where the user does not set it.
 
     """
 
     inputs: tuple[str, ...] = ()
     outputs: tuple[str, ...] = ()
 
-    def __init__(self, name: str) -> None:
+    def __init__(self, name: str, *, compiled: bool = False) -> None:
         self._stream_subscriptions: set[Subscription[Any]] = set()
-        super().__init__(name)
+        super().__init__(
+            name, parameter_overrides=[Parameter('compiled', value=True)] if compiled else [])
         declare(self, *NODE_PARAMETERS[name])
         self.running = False
         self.failed = False
@@ -169,13 +173,8 @@ class Stage(LifecycleNode):
 
     def serve(self) -> bool:
         """Run one turn of the stream loop; return whether anything was done."""
-        request = self._request
-        if request is not None:
-            self._request = None
-            try:
-                request()
-            finally:
-                self._request_done.set()
+        if self._request is not None:
+            self._serve_request()
         if not self.running:
             return False
         try:
@@ -183,6 +182,14 @@ class Stage(LifecycleNode):
         except StreamFault as fault:
             self.fail(str(fault))
             return True
+
+    def _serve_request(self) -> None:
+        request, self._request = self._request, None
+        assert request is not None
+        try:
+            request()
+        finally:
+            self._request_done.set()
 
     def housekeeping(self, now_s: float) -> None:
         """Look after peers, time limits and status; called a few times a second."""

@@ -5,6 +5,7 @@ The subscriptions are taken from directly, not through an executor; see docs/arc
 what that gains.
 """
 
+import math
 import time
 from collections import deque
 from typing import TYPE_CHECKING, Any
@@ -12,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from std_msgs.msg import Float64MultiArray
 
-from piezo_ros.bag.block import Block, BlockCodec, MalformedBlockError
+from piezo_ros.bag.block import BlockCodec, MalformedBlockError
 from piezo_ros.nodes.qos import STREAM
 
 if TYPE_CHECKING:
@@ -101,12 +102,16 @@ class StreamReader:
         self.ended = False
         self.raw = b''  # the message of the newest block
         self._stage = stage
-        self._decode = BlockCodec(stream).decode
+        codec = BlockCodec(stream)
+        self._decode = codec.decode
+        self._decode_one = codec.decode_one
         self._take_message = self.subscription.handle.take_message
         self._period_s: float | None = None
+        self._fast_period_s = math.nan  # the period while the quick path may be taken, else NaN
         self._any_start = False
         self._warned = 0.0
-        self._lost_since: float | None = None
+        self._lost_at_s: float | None = None
+        self._received_then = 0
 
     def start(self, index: int, sample_period_s: float | None) -> None:
         """
@@ -127,18 +132,19 @@ class StreamReader:
         self.ended = False
         self._any_start = index < 0
         self._period_s = sample_period_s
-        self._lost_since = None
+        self._fast_period_s = math.nan if sample_period_s is None else sample_period_s
+        self._lost_at_s = None
 
     def drain(self) -> None:
         """Throw away what is left of an earlier run."""
         while self._take_message(Float64MultiArray, True) is not None:
             pass
 
-    def take(self) -> Block | None:
+    def take(self) -> tuple[float, ...] | None:
         """
-        Return the next block, None where there is none (or it was refused).
+        Return the samples of the next block, None where there is none (or it was refused).
 
-        The end of the stream is a block without samples.
+        No samples at all are the end of the stream.
 
         Raises
         ------
@@ -149,13 +155,26 @@ class StreamReader:
         taken = self._take_message(Float64MultiArray, True)
         if taken is None:
             return None
-        self.raw = taken[0]
+        self.raw = raw = taken[0]
+        single = self._decode_one(raw)
+        if single is not None:
+            index, period_s, sample = single
+            if (
+                index == self.next_index and period_s == self._fast_period_s
+                and sample - sample == 0.0
+            ):
+                self.next_index += 1
+                self.received += 1
+                return (sample,)
+        return self._take_other(raw)
+
+    def _take_other(self, raw: bytes) -> tuple[float, ...] | None:
+        """Check a message that is not simply the next sample."""
         try:
-            block = self._decode(self.raw)
+            index, period_s, samples = self._decode(raw)
         except MalformedBlockError as error:
             self._refuse(str(error))
             return None
-        index, period_s, samples = block
         if index != self.next_index or period_s != self._period_s or self.ended:
             if not self._accept_other(index, period_s):
                 return None
@@ -163,17 +182,18 @@ class StreamReader:
             count = len(samples)
             self.next_index += count
             self.received += count
+            self._fast_period_s = period_s
         else:
             self.ended = True
-        self._lost_since = None
-        return block
+            self._fast_period_s = math.nan
+        return samples
 
     def fill(self) -> bool:
         """Move one block into the queue; return whether there was one."""
-        block = self.take()
-        if block is None:
+        samples = self.take()
+        if samples is None:
             return False
-        self.queue.extend(block.samples)
+        self.queue.extend(samples)
         return True
 
     def check_writer(self) -> None:
@@ -193,10 +213,11 @@ class StreamReader:
             raise StreamFault(f'{self.subscription.topic_name} has {writers} writers')
         now = time.monotonic()
         if writers == 1:
-            self._lost_since = None
-        elif self._lost_since is None:
-            self._lost_since = now
-        elif now - self._lost_since > 0.5:
+            self._lost_at_s = None
+        elif self._lost_at_s is None or self._received_then != self.received:
+            self._lost_at_s = now
+            self._received_then = self.received
+        elif now - self._lost_at_s > 0.5:
             raise StreamFault(
                 f'{self.subscription.topic_name} lost its writer after sample '
                 f'{self.next_index - 1}')

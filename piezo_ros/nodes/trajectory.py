@@ -4,11 +4,7 @@ from typing import Any
 
 from std_msgs.msg import UInt64
 
-from piezo_ros.control.trajectory import (
-    TrajectoryParameters,
-    trajectory_constants,
-    trajectory_step,
-)
+from piezo_ros.control.trajectory import TrajectoryParameters, trajectory_blocks
 from piezo_ros.experiment.node_parameters import BlockParameters
 from piezo_ros.nodes.parameters import read
 from piezo_ros.nodes.qos import LATCHED
@@ -16,19 +12,21 @@ from piezo_ros.nodes.stage import Stage
 
 __all__ = ['Trajectory']
 
+_TURNS_PER_LOOK = 16  # of the stream loop, between two looks for a new demand
+
 
 class Trajectory(Stage):
     """Sends the samples below the newest demand."""
 
     outputs = ('reference', 'feedforward')
 
-    def __init__(self) -> None:
-        super().__init__('trajectory')
+    def __init__(self, *, compiled: bool = False) -> None:
+        super().__init__('trajectory', compiled=compiled)
 
     def configure(self) -> None:
         """Make the constants of waveform and feedforward."""
         parameters = read(self, TrajectoryParameters)
-        self._constants = trajectory_constants(parameters)
+        self._blocks = trajectory_blocks(parameters, compiled=self.settings.compiled)
         self._samples = parameters.samples
         self._block_samples = read(self, BlockParameters).block_samples
 
@@ -50,20 +48,25 @@ class Trajectory(Stage):
         self._feedforward = self.writers['feedforward']
         self._index = max(self.settings.start_index, 0)
         self._limit = 0
+        self._turns = 0
 
     def poll(self) -> bool:
         """Send one block of what is demanded."""
         if self._index >= self._limit:
+            # Nobody waits for it: the demand leads by far more than these turns.
+            self._turns += 1
+            if self._turns % _TURNS_PER_LOOK:
+                return False
             taken = self._take_demand(UInt64, False)
             if taken is None:
                 return False
             self._limit = min(max(self._limit, taken[0].data), self._samples)
         count = min(self._limit - self._index, self._block_samples)
         if count > 0:
-            pairs = [trajectory_step(self._constants, self._index + i) for i in range(count)]
+            reference_um, feedforward_um = self._blocks(self._index, count)
             self._index += count
-            self._reference.publish([reference_um for reference_um, _ in pairs])
-            self._feedforward.publish([feedforward_um for _, feedforward_um in pairs])
+            self._reference.publish(reference_um)
+            self._feedforward.publish(feedforward_um)
         if self._index >= self._samples:
             self.finish()
         return True

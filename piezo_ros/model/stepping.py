@@ -1,0 +1,174 @@
+"""
+The rig and the inverse hysteresis one sample at a time, in Python or behind one compiled call.
+
+What a compiled call costs is handing its arguments over, so that all constants and all state travel
+as one flat array each and are taken apart again inside. The steps are the same either way, and so
+are the bits.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from piezo_ros.model.converter import ConverterConstants
+from piezo_ros.model.hysteresis import (
+    HysteresisConstants,
+    HysteresisParameters,
+    hysteresis_constants,
+    inverse_step,
+)
+from piezo_ros.model.rig import (
+    RigConstants,
+    RigParameters,
+    RigState,
+    initial_state,
+    measure_step,
+    rig_constants,
+    rig_step,
+)
+from piezo_ros.model.state_space import LinearConstants
+from piezo_ros.model.step import step
+
+__all__ = ['compensator_stepper', 'hold_packed', 'inverse_packed', 'rig_stepper']
+
+
+def rig_stepper(
+    parameters: RigParameters, sample_period_s: float, *, compiled: bool = False,
+) -> Callable[[float, float], float]:
+    """
+    Return a rig at rest at its operating point as a function.
+
+    Parameters
+    ----------
+    parameters : RigParameters
+        The rig.
+    sample_period_s : float
+        Sample period, seconds.
+    compiled : bool
+        Whether to import the compiler; quicker per sample, slower to start.
+
+    Returns
+    -------
+    callable
+        Takes the voltage to hold for one sample period and the unit noise of the reading, and
+        returns the reading at its end, micrometres.
+
+    """
+    constants = rig_constants(parameters, sample_period_s)
+    state = initial_state(constants)
+    if compiled:
+        from piezo_ros.model.kernels import hold_packed_kernel
+        sizes = [len(state.play_um), len(state.amplifier), len(state.mechanics)]
+        return _bound(hold_packed_kernel, sizes, state, constants)
+
+    def hold(voltage_v: float, unit_noise: float) -> float:
+        return measure_step(constants, rig_step(state, constants, voltage_v), unit_noise)
+
+    return hold
+
+
+def compensator_stepper(
+    parameters: HysteresisParameters, *, compiled: bool = False,
+) -> Callable[[float], float]:
+    """
+    Return the inverse model of a virgin stage as a function.
+
+    Parameters
+    ----------
+    parameters : HysteresisParameters
+        The hysteresis to invert.
+    compiled : bool
+        Whether to import the compiler; quicker per sample, slower to start.
+
+    Returns
+    -------
+    callable
+        Takes a displacement, micrometres, and returns its voltage, volts.
+
+    """
+    constants = hysteresis_constants(parameters)
+    play_um = [0.0] * len(constants.width_um)
+    if compiled:
+        from piezo_ros.model.kernels import inverse_packed_kernel
+        return _bound(inverse_packed_kernel, [len(play_um)], play_um, constants)
+
+    def inverse(displacement_um: float) -> float:
+        return inverse_step(play_um, constants, displacement_um)
+
+    return inverse
+
+
+def _bound(kernel: Any, sizes: list[int], *contents: Any) -> Any:
+    memory = np.array([*sizes, *_flat(contents)], dtype=np.float64)
+
+    def call(*values: float) -> Any:
+        return kernel(memory, *values)
+
+    return call
+
+
+def _flat(value: Any) -> list[float]:
+    """Return the numbers of nested named tuples and lists, depth first."""
+    if isinstance(value, list | tuple):
+        return [number for element in value for number in _flat(element)]
+    return [float(value)]
+
+
+@step
+def hold_packed(memory: Any, voltage_v: float, unit_noise: float) -> float:
+    """Take rig and state apart, do what `rig_stepper` says."""
+    elements, first_order, second_order = int(memory[0]), int(memory[1]), int(memory[2])
+    at = 3
+    state = RigState(
+        memory[at:at + 1],
+        memory[at + 1:at + 1 + first_order],
+        memory[at + 1 + first_order:at + 1 + first_order + elements],
+        memory[at + 1 + first_order + elements:at + 1 + first_order + elements + second_order],
+        memory[at + 1 + first_order + elements + second_order:
+               at + 2 + first_order + elements + second_order],
+        memory[at + 2 + first_order + elements + second_order:
+               at + 7 + first_order + elements + second_order])
+    at += 7 + first_order + elements + second_order
+    dac = _converter_at(memory, at)
+    slew_step_v = memory[at + 4]
+    at += 5
+    amplifier = _linear_at(memory, at, first_order)
+    at += first_order * (first_order + 2) + 1
+    hysteresis = _hysteresis_at(memory, at, elements)
+    at += 3 * elements + 2
+    mechanics = _linear_at(memory, at, second_order)
+    at += second_order * (second_order + 2) + 1
+    constants = RigConstants(
+        dac, slew_step_v, amplifier, hysteresis, mechanics, memory[at] > 0.0, memory[at + 1],
+        _converter_at(memory, at + 2))
+    return measure_step(constants, rig_step(state, constants, voltage_v), unit_noise)
+
+
+@step
+def inverse_packed(memory: Any, displacement_um: float) -> float:
+    """Take inverse model and state apart, do what `compensator_stepper` says."""
+    elements = int(memory[0])
+    return inverse_step(
+        memory[1:1 + elements], _hysteresis_at(memory, 1 + elements, elements), displacement_um)
+
+
+@step
+def _converter_at(memory: Any, at: int) -> ConverterConstants:
+    return ConverterConstants(memory[at], memory[at + 1], memory[at + 2], memory[at + 3])
+
+
+@step
+def _linear_at(memory: Any, at: int, order: int) -> LinearConstants:
+    square = order * order
+    return LinearConstants(
+        memory[at:at + square], memory[at + square:at + square + order],
+        memory[at + square + order:at + square + 2 * order], memory[at + square + 2 * order])
+
+
+@step
+def _hysteresis_at(memory: Any, at: int, elements: int) -> HysteresisConstants:
+    return HysteresisConstants(
+        memory[at:at + elements], memory[at + elements:at + 2 * elements],
+        memory[at + 2 * elements:at + 3 * elements], memory[at + 3 * elements],
+        memory[at + 3 * elements + 1])
