@@ -80,16 +80,19 @@ def _run_offline(options: argparse.Namespace) -> int:
 def _with_plan(options: argparse.Namespace, campaign: Callable[[Plan], int]) -> int:
     try:
         plan = read_plan(options.plan)
+        if options.plan.resolve().is_relative_to(options.output.resolve()):
+            raise PlanError(
+                f'{options.plan} lies in the output directory {options.output}, which would '
+                'replace it')
         prepare_directory(options.output, force=options.force)
+        return campaign(plan)
     except PlanError as error:
         print(f'piezo: {error}', file=sys.stderr)
         return 2
-    try:
-        return campaign(plan)
     except KeyboardInterrupt:
         print('piezo: stopped by SIGINT', file=sys.stderr)
         return 1
-    except (BagError, OSError) as error:
+    except (BagError, MemoryError, OSError) as error:
         print(f'piezo: {error}', file=sys.stderr)
         return 1
 

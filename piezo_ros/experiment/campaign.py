@@ -99,7 +99,8 @@ def run_campaign(
     plan : Plan
         The plan.
     directory : Path
-        As `prepare_directory` leaves it; plan.yaml, bags/, report.html, report.json, runs.csv and figures/ are written.
+        As `prepare_directory` leaves it; plan.yaml, bags/, report.html, report.json, runs.csv and
+        figures/ are written.
     run : callable
         Does one run into the bag directory it is given.
     announce : callable, optional

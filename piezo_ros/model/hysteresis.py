@@ -200,7 +200,7 @@ class MaxwellResistiveCapacitor:
         Raises
         ------
         ValueError
-            If a voltage is not finite, or a shape is wrong.
+            If a voltage is not finite, a shape is wrong, or no input leads to the state.
 
         """
         from piezo_ros.model.kernels import forward_array
@@ -230,7 +230,7 @@ class MaxwellResistiveCapacitor:
         Raises
         ------
         ValueError
-            If a displacement is not finite, or a shape is wrong.
+            If a displacement is not finite, a shape is wrong, or no input leads to the state.
 
         """
         from piezo_ros.model.kernels import inverse_array
@@ -246,7 +246,14 @@ class MaxwellResistiveCapacitor:
         if not finite.all():
             first = int(np.argmin(finite))
             raise ValueError(f'{name}[{first}] is {inputs[first]}, it must be finite')
-        play = self.virgin_state() if state is None else np.array(state, dtype=np.float64)
+        play = self.virgin_state() if state is None else self._checked(state)
+        outputs = np.empty_like(inputs)
+        array_kernel(play, self._constants, inputs, outputs)
+        return outputs, play
+
+    def _checked(self, state: ArrayLike) -> NDArray[np.float64]:
+        """Return a copy of a state that this operator can be in."""
+        play = np.array(state, dtype=np.float64)
         if play.shape != self._constants.width_um.shape:
             raise ValueError(
                 f'state has shape {play.shape}, it must be {self._constants.width_um.shape}')
@@ -259,6 +266,4 @@ class MaxwellResistiveCapacitor:
             raise ValueError(
                 f'state is {play}: plays {gap_um:g} um out of reach of each other belong to no '
                 'state of this operator')
-        outputs = np.empty_like(inputs)
-        array_kernel(play, self._constants, inputs, outputs)
-        return outputs, play
+        return play
