@@ -14,7 +14,14 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ['STREAMS', 'Block', 'BlockCodec', 'MalformedBlockError', 'block_from_message_fields']
+__all__ = [
+    'STREAMS',
+    'Block',
+    'BlockCodec',
+    'MalformedBlockError',
+    'OtherEncodingError',
+    'block_from_message_fields',
+]
 
 # Stream (topic) name -> unit of its samples; the label of a block is '<topic>_<unit>'.
 STREAMS: Final = {
@@ -31,6 +38,10 @@ _ENCAPSULATION: Final = b'\x00\x01\x00\x00'  # CDR, little-endian
 
 class MalformedBlockError(ValueError):
     """A message that is no valid block; the text names the field, its value and what is allowed."""
+
+
+class OtherEncodingError(MalformedBlockError):
+    """A message in an encoding that this module does not read; the middleware may."""
 
 
 class Block(NamedTuple):
@@ -84,7 +95,6 @@ class BlockCodec:
         self._single_size = len(self._single_head) + 24
         self._single_layout = self._single_head[self._layout_offset:self._length_offset + 4]
         self._pack_single = struct.Struct('<3d').pack
-        self._unpack_whole_single = struct.Struct(f'<{len(self._single_head)}s3d').unpack
         self._unpack_single = struct.Struct('<3d').unpack_from
         self._unpack_pair = struct.Struct('<2d').unpack_from
 
@@ -122,17 +132,10 @@ class BlockCodec:
         prefix = struct.pack('<2d', index, sample_period_s)
         return self._head(values.size) + prefix + values.tobytes()
 
-    def decode_one(self, raw: bytes) -> tuple[float, float, float] | None:
-        """
-        Return index, period and sample of a block that `encode_one` made (hot path).
-
-        None stands for every other message, also a valid one; the numbers are not checked.
-        """
-        if len(raw) == self._single_size:
-            head, index, sample_period_s, sample = self._unpack_whole_single(raw)
-            if head == self._single_head:
-                return index, sample_period_s, sample
-        return None
+    @property
+    def single(self) -> tuple[bytes, struct.Struct]:
+        """What `encode_one` puts first, and the layout of that, index, period and sample."""
+        return self._single_head, struct.Struct(f'<{len(self._single_head)}s3d')
 
     def header(self, samples: int) -> tuple[bytes, bytes]:
         """
@@ -252,7 +255,7 @@ def block_from_message_fields(
 def _parse(raw: bytes) -> tuple[str, int, int, int, NDArray[np.float64]]:
     """Read the CDR fields of a Float64MultiArray with one dimension."""
     if raw[:2] not in (b'\x00\x01', b'\x00\x00'):
-        raise MalformedBlockError(f'CDR encapsulation is {raw[:4].hex()}, only plain CDR is read')
+        raise OtherEncodingError(f'CDR encapsulation is {raw[:4].hex()}, only plain CDR is read')
     order = '<' if raw[1] == 1 else '>'
     try:
         dimensions, length = struct.unpack_from(order + 'II', raw, 4)

@@ -99,11 +99,11 @@ def compensator_stepper(
     return inverse
 
 
-def _bound(kernel: Any, sizes: list[int], *contents: Any) -> Any:
+def _bound(kernel: Any, sizes: list[int], *contents: Any) -> Callable[..., float]:
     memory = np.array([*sizes, *_flat(contents)], dtype=np.float64)
 
-    def call(*values: float) -> Any:
-        return kernel(memory, *values)
+    def call(*values: float) -> float:
+        return kernel(memory, *values)  # type: ignore[no-any-return]
 
     return call
 

@@ -50,19 +50,22 @@ class GraphRunner:
         Namespace of the nodes; of its own for every process by default.
     composed : bool
         One process for the four stages in place of four.
+    record : bool
+        Whether a recorder writes the bag.
     progress : callable
         Is told the share of the run that is done, 0 … 1.
 
     """
 
     def __init__(
-        self, directory: Path, *, namespace: str = '', composed: bool = False,
+        self, directory: Path, *, namespace: str = '', composed: bool = False, record: bool = True,
         progress: Callable[[float], None] = lambda share: None,
     ) -> None:
         set_middleware_defaults()
         self._directory = directory
         self._namespace = '/' + (namespace or f'piezo_{os.getpid()}').strip('/')
         self._composed = composed
+        self._record = record
         self._progress = progress
         self._stop_signal = 0
 
@@ -115,11 +118,12 @@ class GraphRunner:
         self._take_statuses()  # what is left of the run before
         run.statuses.clear()
         arguments = self._parameter_files(planned, bag)
-        names = ('recorder', 'loop') if self._composed else ('recorder', *STAGES)
+        names = [
+            *(['recorder'] if self._record else []), *(['loop'] if self._composed else STAGES)]
         try:
             for name in names:
                 run.start(name, arguments, logs)
-            while not (run.recorded() or run.dead() or self._stop_signal):
+            while not (run.over() or run.dead() or self._stop_signal):
                 self._follow(run)
                 time.sleep(_POLL_S)
             run.stop()
@@ -134,7 +138,9 @@ class GraphRunner:
     def _parameter_files(self, planned: PlannedRun, bag: Path) -> list[str]:
         """Write the parameter file of the run and return the arguments that load it."""
         # The stages stay until the recorder has all it wants of them.
-        common = {'required_readers': 2, 'linger_s': -1.0, 'autostart': True}
+        common = {
+            'required_readers': 2 if self._record else 1, 'linger_s': -1.0, 'autostart': True,
+            'compiled': self._composed}
         sections = {
             stage: {**planned.parameters[stage], **common} for stage in STAGES}
         sections['recorder'] = {
@@ -194,9 +200,12 @@ class _LiveRun:
                 start_new_session=True,
                 env={**os.environ, PARENT_VARIABLE: str(os.getpid())})
 
-    def recorded(self) -> bool:
-        """Return whether the recorder has ended: every stream has, then."""
-        return self._processes['recorder'].poll() is not None
+    def over(self) -> bool:
+        """Return whether every stream has ended and is recorded."""
+        if 'recorder' in self._processes:
+            return self._processes['recorder'].poll() is not None
+        states = [self.statuses.get(stage, {}).get('state') for stage in STAGES]
+        return all(state in ('finished', 'faulted') for state in states)
 
     def going(self) -> bool:
         """Return whether any process runs."""

@@ -120,6 +120,7 @@ def _stream_loop(stages: Sequence[Stage], stop: _Stop) -> None:
     # In the direction of flow, so that each finds what the one before has just sent.
     serves = [stage.serve for stage in sorted(stages, key=_place_in_flow)]
     next_housekeeping = time.monotonic()
+    urgent = any(stage.urgent for stage in stages)
     idle_since: float | None = None
     turns = 0
     while not stop.signal_number:
@@ -136,7 +137,7 @@ def _stream_loop(stages: Sequence[Stage], stop: _Stop) -> None:
         if not progress:
             if idle_since is None:
                 idle_since = now
-            if now - idle_since < _YIELD_S:
+            if urgent and now - idle_since < _YIELD_S:
                 os.sched_yield()
             else:
                 active = any(stage.running for stage in stages)

@@ -24,6 +24,8 @@ _SETTLE_S = 0.2  # how long a stopped recorder waits for what is still on its wa
 class Recorder(Stage):
     """Writes what arrives; closes the bag when every stream has ended."""
 
+    urgent = False
+
     def __init__(self, *, compiled: bool = False) -> None:
         self._bag: BagWriter | None = None
         super().__init__('recorder', compiled=compiled)

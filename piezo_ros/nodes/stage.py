@@ -45,6 +45,8 @@ class Stage(LifecycleNode):
 
     inputs: tuple[str, ...] = ()
     outputs: tuple[str, ...] = ()
+    # Whether others wait for its next message, so that it shall look for its input all the time.
+    urgent = True
 
     def __init__(self, name: str, *, compiled: bool = False) -> None:
         self._stream_subscriptions: set[Subscription[Any]] = set()

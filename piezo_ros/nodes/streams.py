@@ -10,10 +10,18 @@ import time
 from collections import deque
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
+from rclpy.serialization import deserialize_message
 from std_msgs.msg import Float64MultiArray
 
-from piezo_ros.bag.block import BlockCodec, MalformedBlockError
+from piezo_ros.bag.block import (
+    Block,
+    BlockCodec,
+    MalformedBlockError,
+    OtherEncodingError,
+    block_from_message_fields,
+)
 from piezo_ros.nodes.qos import STREAM
 
 if TYPE_CHECKING:
@@ -104,7 +112,9 @@ class StreamReader:
         self._stage = stage
         codec = BlockCodec(stream)
         self._decode = codec.decode
-        self._decode_one = codec.decode_one
+        self._single_head, single = codec.single
+        self._single_size = single.size
+        self._unpack_single = single.unpack
         self._take_message = self.subscription.handle.take_message
         self._period_s: float | None = None
         self._fast_period_s = math.nan  # the period while the quick path may be taken, else NaN
@@ -156,12 +166,11 @@ class StreamReader:
         if taken is None:
             return None
         self.raw = raw = taken[0]
-        single = self._decode_one(raw)
-        if single is not None:
-            index, period_s, sample = single
+        if len(raw) == self._single_size:
+            head, index, period_s, sample = self._unpack_single(raw)
             if (
                 index == self.next_index and period_s == self._fast_period_s
-                and sample - sample == 0.0
+                and sample - sample == 0.0 and head == self._single_head
             ):
                 self.next_index += 1
                 self.received += 1
@@ -171,7 +180,7 @@ class StreamReader:
     def _take_other(self, raw: bytes) -> tuple[float, ...] | None:
         """Check a message that is not simply the next sample."""
         try:
-            index, period_s, samples = self._decode(raw)
+            index, period_s, samples = self._decode_any(raw)
         except MalformedBlockError as error:
             self._refuse(str(error))
             return None
@@ -187,6 +196,21 @@ class StreamReader:
             self.ended = True
             self._fast_period_s = math.nan
         return samples
+
+    def _decode_any(self, raw: bytes) -> Block:
+        try:
+            return self._decode(raw)
+        except OtherEncodingError:
+            # Some middleware writes another encoding; rclpy knows how to read it.
+            message = deserialize_message(raw, Float64MultiArray)
+            if len(message.layout.dim) != 1:
+                raise MalformedBlockError(
+                    f'layout.dim has {len(message.layout.dim)} entries, a block has exactly 1'
+                ) from None
+            dimension = message.layout.dim[0]
+            return block_from_message_fields(
+                dimension.label, dimension.size, dimension.stride, message.layout.data_offset,
+                np.asarray(message.data))
 
     def fill(self) -> bool:
         """Move one block into the queue; return whether there was one."""
@@ -225,7 +249,7 @@ class StreamReader:
     def _accept_other(self, index: int, period_s: float) -> bool:
         """Decide on a block that is not simply the next one."""
         topic = self.subscription.topic_name
-        if self.ended or index < self.next_index and not self._any_start:
+        if self.ended or (index < self.next_index and not self._any_start):
             self._refuse(
                 f'sample {index} comes after '
                 f'{"the end" if self.ended else f"sample {self.next_index - 1}"}')

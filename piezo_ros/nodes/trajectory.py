@@ -19,6 +19,7 @@ class Trajectory(Stage):
     """Sends the samples below the newest demand."""
 
     outputs = ('reference', 'feedforward')
+    urgent = False
 
     def __init__(self, *, compiled: bool = False) -> None:
         super().__init__('trajectory', compiled=compiled)
