@@ -1,6 +1,7 @@
 """The recorder: every block of every stream into a bag, with the parameters of all nodes."""
 
 import time
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -171,13 +172,13 @@ class _PeerParameters:
             if name not in self._asked and client.services_are_ready():
                 self._asked.add(name)
                 client.list_parameters(
-                    callback=lambda answer, name=name: self._got_names(name, answer))
+                    callback=partial(self._got_names, name))
         return everyone_known and not self.silent
 
     def _got_names(self, name: str, answer: Any) -> None:
         names = list(answer.result().result.names)
         self._clients[name].get_parameters(
-            names, callback=lambda values: self._got_values(name, names, values))
+            names, callback=partial(self._got_values, name, names))
 
     def _got_values(self, name: str, names: list[str], answer: Any) -> None:
         self.parameters[_base_name(name)] = {
