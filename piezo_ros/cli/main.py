@@ -4,7 +4,7 @@ import argparse
 import sys
 from collections.abc import Sequence
 
-from piezo_ros.cli import bench, run
+from piezo_ros.cli import bag, bench, calibrate, report, run
 
 __all__ = ['main']
 
@@ -30,6 +30,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         prog='piezo', description='Piezo nano-positioning on ROS 2: run, analyse, report.')
     commands = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
     run.add_commands(commands)
+    report.add_command(commands)
+    bag.add_command(commands)
+    calibrate.add_command(commands)
     bench.add_command(commands)
     options = parser.parse_args(arguments)
     code = options.function(options)

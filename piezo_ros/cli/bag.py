@@ -1,0 +1,94 @@
+"""``piezo bag``: what is in a bag, what can be saved of it, its samples as a table."""
+
+import argparse
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from piezo_ros.bag import STREAMS, BagError, read, salvage
+
+__all__ = ['add_command']
+
+_EXAMPLES = """\
+examples:
+  piezo bag info out/demo/bags/002_fbff_triangle_1um_300hz
+  piezo bag salvage cut_bag -o whole_bag
+  piezo bag export out/demo/bags/002_fbff_triangle_1um_300hz -o scan.csv
+"""
+
+
+def add_command(commands: Any) -> None:
+    """Add the command to the parser."""
+    parser = commands.add_parser(
+        'bag', help='info, salvage, export', epilog=_EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter)
+    actions = parser.add_subparsers(dest='action', required=True, metavar='ACTION')
+    info = actions.add_parser('info', help='streams, samples, metadata')
+    export = actions.add_parser('export', help='aligned samples as CSV')
+    rescue = actions.add_parser('salvage', help='a whole bag of what is whole in a damaged one')
+    for action in (info, export, rescue):
+        action.add_argument('bag', type=Path, metavar='BAG')
+    for action in (info, export):
+        action.add_argument('--namespace', metavar='NS', help='the rig, where there are several')
+        action.add_argument(
+            '--allow-loss', action='store_true',
+            help='take what is whole of a damaged bag; exit 3')
+    export.add_argument('-o', '--output', type=Path, required=True, metavar='FILE')
+    rescue.add_argument('-o', '--output', type=Path, required=True, metavar='DIR')
+    info.set_defaults(function=lambda options: _guarded(_info, options))
+    export.set_defaults(function=lambda options: _guarded(_export, options))
+    rescue.set_defaults(function=lambda options: _guarded(_salvage, options))
+
+
+def _guarded(action: Any, options: argparse.Namespace) -> int:
+    try:
+        lost = action(options)
+    except (BagError, OSError) as error:
+        print(f'piezo: {error}', file=sys.stderr)
+        return 1
+    for loss in lost:
+        print(f'piezo: {loss}', file=sys.stderr)
+    return 3 if lost else 0
+
+
+def _info(options: argparse.Namespace) -> tuple[str, ...]:
+    run = read(options.bag, namespace=options.namespace, allow_loss=options.allow_loss)
+    print(f'bag            {run.path}')
+    print(f'namespace      {run.namespace}')
+    print(f'sample period  {run.sample_period_s:g} s')
+    print(f'common samples {run.samples} from index {run.start_index}')
+    for stream in run.streams:
+        start, samples = run.whole(stream)
+        print(
+            f'  {stream:13}{samples.size} samples from index {start}, '
+            f'{samples.min():.4g} … {samples.max():.4g} {STREAMS[stream]}')
+    for name, value in run.metadata.items():
+        print(f'{name:28}{value}')
+    print(f'parameters of  {", ".join(run.parameters) or "no node"}')
+    return run.lost
+
+
+def _export(options: argparse.Namespace) -> tuple[str, ...]:
+    run = read(options.bag, namespace=options.namespace, allow_loss=options.allow_loss)
+    columns = {
+        'time_s': run.time_s,
+        **{
+            f'{stream}_{STREAMS[stream]}': getattr(run, f'{stream}_{STREAMS[stream]}')
+            for stream in run.streams},
+    }
+    # 17 significant digits: the same bits come back.
+    np.savetxt(
+        options.output, np.column_stack(list(columns.values())), fmt='%.17g', delimiter=',',
+        header=','.join(columns), comments='')
+    print(f'{run.samples} samples: {options.output}')
+    return run.lost
+
+
+def _salvage(options: argparse.Namespace) -> tuple[str, ...]:
+    result = salvage(options.bag, options.output)
+    for topic, count in result.messages.items():
+        print(f'{topic:24}{count} messages')
+    print(f'saved: {result.path}')
+    return result.lost

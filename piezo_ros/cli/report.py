@@ -1,0 +1,104 @@
+"""``piezo report``: scores, tables and pictures of bags, whoever recorded them."""
+
+import argparse
+import dataclasses
+import os
+import sys
+from pathlib import Path
+from typing import Any, Final
+
+from piezo_ros.bag import BagError, Run, read
+from piezo_ros.experiment.campaign import prepare_directory
+from piezo_ros.experiment.errors import PlanError
+from piezo_ros.experiment.provenance import software_versions
+from piezo_ros.report import ScoredRun, score
+from piezo_ros.report.tables import text_table
+
+__all__ = ['add_command']
+
+_EXAMPLES = """\
+examples:
+  piezo report out/demo -o out/again
+  piezo report bag_1 bag_2 -o out/compared
+  piezo report foreign_bag --scheme ff --waveform triangle --amplitude-um 1 --frequency-hz 300 \\
+      --harmonics 9 -o out/foreign
+"""
+# What a bag of ours says of itself and a foreign one does not.
+_DESCRIPTION: Final = ('scheme', 'waveform', 'amplitude_um', 'frequency_hz', 'harmonics')
+
+
+def add_command(commands: Any) -> None:
+    """Add the command to the parser."""
+    parser = commands.add_parser(
+        'report', help='score bags and write the report', epilog=_EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument(
+        'bags', type=Path, nargs='+', metavar='DIR|BAG',
+        help='bags, or output directories of piezo run')
+    parser.add_argument(
+        '-o', '--output', type=Path, required=True, metavar='DIR', help='output directory')
+    parser.add_argument(
+        '--force', action='store_true', help='replace an earlier output in DIR')
+    parser.add_argument(
+        '--periods', type=float, default=4.0, metavar='N',
+        help='periods at the end that are scored (default: 4)')
+    parser.add_argument('--namespace', metavar='NS', help='the rig, where a bag holds several')
+    parser.add_argument(
+        '--allow-loss', action='store_true', help='take what is whole of a damaged bag; exit 3')
+    for name in _DESCRIPTION:
+        parser.add_argument(
+            f'--{name.replace("_", "-")}', metavar='VALUE',
+            help=f'{name} of bags that do not say it themselves')
+    parser.set_defaults(function=_report)
+
+
+def _report(options: argparse.Namespace) -> int:
+    from piezo_ros.report.html import write_report
+    told = {
+        name: str(value) for name in _DESCRIPTION
+        if (value := getattr(options, name)) is not None}
+    try:
+        paths = [path for given in options.bags for path in _bags_below(given)]
+        runs = [
+            read(path, namespace=options.namespace, allow_loss=options.allow_loss)
+            for path in paths]
+        scored = [
+            _scored(run, told, path, options) for run, path in zip(runs, paths, strict=True)]
+        prepare_directory(options.output, force=options.force)
+        report = write_report(
+            options.output, title=f'{len(scored)} recorded runs', runs=scored,
+            software=software_versions(),
+            notes=[f'{run.path}: {loss}' for run in runs for loss in run.lost],
+            command=' '.join(['piezo', *sys.argv[1:]]))
+    except PlanError as error:
+        print(f'piezo: {error}', file=sys.stderr)
+        return 2
+    except (BagError, ValueError, OSError) as error:
+        print(f'piezo: {error}', file=sys.stderr)
+        return 1
+    for run in runs:
+        for loss in run.lost:
+            print(f'piezo: {run.path}: {loss}', file=sys.stderr)
+    print(text_table(scored))
+    print(f'report: {report}')
+    return 3 if any(run.lost for run in runs) else 0
+
+
+def _scored(
+    run: Run, told: dict[str, str], path: Path, options: argparse.Namespace,
+) -> ScoredRun:
+    known = dataclasses.replace(run, metadata={**told, **run.metadata})
+    try:
+        return score(
+            known, periods=options.periods, bag=os.path.relpath(path, options.output),
+            wall_seconds=0.0)
+    except ValueError as error:
+        raise ValueError(f'{path}: {error}') from None
+
+
+def _bags_below(path: Path) -> list[Path]:
+    """Return the bags of an output directory, or the bag itself."""
+    collection = path / 'bags'
+    if not collection.is_dir():
+        return [path]
+    return sorted(entry for entry in collection.iterdir() if (entry / 'metadata.yaml').is_file())
