@@ -1,0 +1,445 @@
+"""
+The Maxwell resistive capacitor (MRC) model fitted to recorded voltage and displacement.
+
+Forward, from voltage to displacement, the MRC model of n limited elements (Section 2 in Liu 2015)
+is a superposition of n plays with thresholds in volts,
+
+    x = p_0 u + sum_i p_i P[r_i](u),   p_0 > 0, p_i >= 0,
+
+with a one-to-one relation between (p, r) and (kappa, u_S), see `elements_of_plays`. The fit works
+on (p, r): the noise of the sensor sits on the predicted quantity and so cannot bias it, most
+parameters enter linearly, the others through the set of moving plays, and the bounds p_i > 0 are
+exactly what makes the result monotone and invertible.
+"""
+
+from collections.abc import Collection, Sequence
+from dataclasses import replace
+from functools import partial
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import nnls
+
+from piezo_ros.identification.hysteresis_records import Record, accumulate, reversals_of
+from piezo_ros.identification.hysteresis_solver import NormalEquations, minimise
+
+__all__ = [
+    'MrcFit',
+    'PlayModel',
+    'Preparation',
+    'elements_of_plays',
+    'fit_mrc',
+    'play_bounds',
+    'plays_of_rising_curve',
+    'prepare',
+    'rising_curve',
+    'thinned',
+]
+
+# Smallest compliance of a play, relative to the small-signal one; its element then has a kappa of
+# a million times the small-signal compliance and a saturation voltage that nobody can measure.
+SMALLEST_SHARE: Final = 1e-6
+_GRID: Final = 200
+# The fit starts from more plays than wanted and gives up the weakest one by one.
+_RICH_PLAYS: Final = 20
+_EXTRA_PLAYS: Final = 8
+_THINNED_SAMPLES: Final = 10_000
+_RICH_STEPS: Final = 40
+_STEPS_PER_PLAY: Final = 15
+_DELAY_MARGIN: Final = 5.0  # standard errors
+_CONTESTED_PLAYS: Final = 2
+_VAGUENESS: Final = 1e-12
+_LARGEST_DELAY_SAMPLES: Final = 1000.0
+# Delays below this are numerical or below what the turns could show.
+_NEGLIGIBLE_DELAY_SAMPLES: Final = 0.05
+# Delays (of which the slowest time constant is a part) until a turn has settled.
+_SETTLING_DELAYS: Final = 8.0
+
+_Floats = NDArray[np.float64]
+
+
+class PlayModel(NamedTuple):
+    """A superposition of plays; theta is (p_0 … p_n, r_1 … r_n, delay, offset)."""
+
+    plays: int
+
+    def delay(self, theta: _Floats) -> float:
+        """Return the samples by which the displacement lags behind the voltage."""
+        return float(theta[-2])
+
+    def initial_state(self) -> tuple[_Floats, ...]:
+        """Return the plays of a virgin stage, their derivatives, last voltage and displacement."""
+        return np.zeros(self.plays), np.zeros(self.plays), np.zeros(2)
+
+    def fill(
+        self, state: tuple[_Floats, ...], theta: _Floats, share: float, voltage_v: _Floats,
+        weight: _Floats, prediction_um: _Floats, jacobian: _Floats,
+    ) -> int:
+        """Predict N samples, differentiate those of weight 1 and move the state on."""
+        from piezo_ros.identification.hysteresis_kernels import play_chunk
+        play_v, by_threshold, last = state
+        return play_chunk(
+            play_v, by_threshold, last, theta, share, voltage_v, weight, prediction_um, jacobian)
+
+
+class MrcFit(NamedTuple):
+    """
+    A fitted superposition of n plays.
+
+    Attributes
+    ----------
+    theta : ndarray, shape (2n + 3,)
+        (p_0 … p_n, um/V; r_1 … r_n, V, rising; delay, samples; offset, um).
+    normal : NormalEquations
+        The normal equations there.
+
+    """
+
+    theta: _Floats
+    normal: NormalEquations
+
+
+class Preparation(NamedTuple):
+    """
+    What every fit to the same data starts from.
+
+    Attributes
+    ----------
+    records : list of Record
+        The data, turns of the voltage that a lag has not settled after left out.
+    starts : dict of int to ndarray, shape (2n + 3,)
+        Number n of elements to starting values of theta.
+    delay_bounds : tuple of float
+        Where the delay lies, samples: with too few elements to describe the hysteresis a fit
+        would take an absurd delay for the width of the loop.
+
+    """
+
+    records: list[Record]
+    starts: dict[int, _Floats]
+    delay_bounds: tuple[float, float]
+
+
+def prepare(
+    records: Sequence[Record], wanted: Collection[int], *, virgin: bool = True,
+) -> Preparation:
+    """
+    Find starting values for several numbers of elements, and the delay.
+
+    The rising curve gives more plays than wanted; fitted to all branches, they are given up one
+    by one, the least useful first, so that none of the wanted ones ends in a wrong place.
+
+    Parameters
+    ----------
+    records : sequence of Record
+        The data.
+    wanted : collection of int
+        Numbers n of elements.
+    virgin : bool, optional
+        Whether the first record starts with the virgin curve.
+
+    Returns
+    -------
+    Preparation
+        For `fit_mrc`.
+
+    """
+    theta = plays_of_rising_curve(
+        *rising_curve(records[0], virgin=virgin), max(_RICH_PLAYS, max(wanted) + _EXTRA_PLAYS))
+    anywhere = (-_LARGEST_DELAY_SAMPLES, _LARGEST_DELAY_SAMPLES)
+    theta, normal = _minimise(thinned(records), theta, anywhere, _RICH_STEPS)
+    delay = float(theta[-2])
+    settled = _without_turns(records, delay)
+    few = thinned(settled)
+    margin = _DELAY_MARGIN * float(np.sqrt(
+        _inverse(normal.curvature)[-2, -2] * normal.cost / normal.samples))
+    bounds = (delay - margin, delay + margin)
+    starts = {}
+    while True:
+        plays = _plays(theta)
+        if plays in wanted:
+            starts[plays] = theta
+        if plays <= min(wanted):
+            return Preparation(settled, starts, bounds)
+        # The last plays to go are hardly weaker than those that stay: let all samples decide.
+        deciding = settled if plays <= min(wanted) + _CONTESTED_PLAYS + 1 else few
+        theta, normal = _minimise(
+            deciding, _without_weakest(theta, normal), bounds, _STEPS_PER_PLAY)
+
+
+def fit_mrc(
+    records: Sequence[Record], start: _Floats, delay_bounds: tuple[float, float],
+    maximum_steps: int = 200,
+) -> MrcFit:
+    """
+    Fit the MRC model by bounded least squares, (5) in Liu 2015.
+
+    Parameters
+    ----------
+    records : sequence of Record
+        The data.
+    start : ndarray, shape (2n + 3,)
+        Starting values.
+    delay_bounds : tuple of float
+        Bounds of the delay, samples.
+    maximum_steps : int, optional
+        Steps of the solver at most.
+
+    Returns
+    -------
+    MrcFit
+        The fit.
+
+    """
+    theta, normal = _minimise(records, start, delay_bounds, maximum_steps)
+    plays = _plays(theta)
+    rising = np.argsort(theta[plays + 1:2 * plays + 1], kind='stable')
+    order = np.concatenate((
+        [0], 1 + rising, plays + 1 + rising, [2 * plays + 1, 2 * plays + 2]))
+    return MrcFit(
+        theta[order],
+        normal._replace(
+            gradient=normal.gradient[order], curvature=normal.curvature[np.ix_(order, order)]))
+
+
+def _plays(theta: NDArray[Any]) -> int:
+    return (theta.size - 3) // 2
+
+
+def _minimise(
+    records: Sequence[Record], start: _Floats, delay_bounds: tuple[float, float],
+    maximum_steps: int,
+) -> tuple[_Floats, NormalEquations]:
+    reach_v = max(float(np.max(np.abs(record.voltage_v))) for record in records)
+    return minimise(
+        partial(accumulate, PlayModel(_plays(start)), records), start,
+        *play_bounds(start, reach_v, delay_bounds), maximum_steps)
+
+
+def _inverse(curvature: _Floats) -> _Floats:
+    """Return the inverse, of plays that never move too: as if they were known only vaguely."""
+    length = np.sqrt(np.diag(curvature))
+    length = np.where(length > 0.0, length, 1.0)
+    scaled = curvature / np.outer(length, length)
+    return np.asarray(
+        np.linalg.inv(scaled + _VAGUENESS * np.eye(length.size)) / np.outer(length, length))
+
+
+def thinned(records: Sequence[Record]) -> list[Record]:
+    """Leave out all but some thousands of displacements; the model still sees every voltage."""
+    total = sum(record.voltage_v.size for record in records)
+    stride = -(-total // _THINNED_SAMPLES)
+    few = []
+    for record in records:
+        weight = np.zeros_like(record.weight)
+        weight[::stride] = record.weight[::stride]
+        few.append(replace(record, weight=weight))
+    return few
+
+
+def _without_weakest(theta: _Floats, normal: NormalEquations) -> _Floats:
+    """Remove the play whose loss, all others adapting to it, costs least (to second order)."""
+    plays = _plays(theta)
+    weights = slice(1, plays + 1)
+    loss = theta[weights] ** 2 / np.diag(_inverse(normal.curvature))[weights]
+    weakest = 1 + int(np.argmin(loss))
+    return np.delete(theta, [weakest, weakest + plays])
+
+
+def play_bounds(
+    theta: _Floats, reach_v: float, delay_bounds: tuple[float, float],
+) -> tuple[_Floats, _Floats]:
+    """
+    Return the bounds of theta, within which every model is monotone and invertible.
+
+    Parameters
+    ----------
+    theta : ndarray, shape (2n + 3,)
+        Parameters, for the scale of the compliances.
+    reach_v : float
+        Largest voltage, and so the largest threshold of a play that moves.
+    delay_bounds : tuple of float
+        Bounds of the delay, samples.
+
+    """
+    plays = _plays(theta)
+    smallest = SMALLEST_SHARE * float(np.sum(theta[:plays + 1]))
+    lower = np.concatenate((
+        np.full(plays + 1, smallest), np.zeros(plays), [delay_bounds[0], -np.inf]))
+    upper = np.concatenate((
+        np.full(plays + 1, np.inf), np.full(plays, reach_v), [delay_bounds[1], np.inf]))
+    return lower, upper
+
+
+def rising_curve(record: Record, *, virgin: bool = True) -> tuple[_Floats, _Floats]:
+    """
+    Return the virgin curve of a record, rising from (0, 0).
+
+    Parameters
+    ----------
+    record : Record
+        The data.
+    virgin : bool, optional
+        Whether it starts with that curve. If not, the branch that starts at the largest voltage is
+        taken instead: it is the virgin curve at twice the scale.
+
+    Returns
+    -------
+    voltage_v, displacement_um : ndarray, shape (K,)
+        The curve.
+
+    Raises
+    ------
+    ValueError
+        If the displacement does not rise on it with the voltage.
+
+    """
+    voltage, reversals = record.voltage_v, reversals_of(record.voltage_v)
+    begin = 0 if virgin else int(np.argmax(np.abs(voltage)))
+    later = reversals[reversals > begin]
+    end = int(later[0]) if later.size else voltage.size - 1
+    part = slice(begin, end + 1)
+    used = record.weight[part] > 0.0
+    u = voltage[part][used]
+    x = record.displacement_um[part][used]
+    if u.size < 2 or np.ptp(u) == 0.0:
+        raise ValueError(
+            f'voltage_v[{begin}:{end + 1}] holds no curve that starts the identification')
+    scale = (1.0 if virgin else 0.5) * np.sign(voltage[end] - voltage[begin])
+    # A virgin stage starts from zero volts, whatever the first sample is.
+    u = scale * (u - (0.0 if virgin else voltage[begin]))
+    x = scale * (x - x[0])
+    if np.polyfit(u, x, 1)[0] <= 0.0:
+        raise ValueError(
+            'displacement_um does not rise with voltage_v: check the sign, and that both streams '
+            'belong to the same run')
+    return u, x
+
+
+def plays_of_rising_curve(
+    voltage_v: _Floats, displacement_um: _Floats, elements: int,
+) -> _Floats:
+    """
+    Fit n + 1 linear pieces to the rising curve: starting values, step (a) in Liu 2015.
+
+    Non-negative least squares on a fine grid of thresholds finds the bends; neighbours are then
+    merged, those first that change the curve least, until n are left.
+
+    Parameters
+    ----------
+    voltage_v, displacement_um : ndarray, shape (K,)
+        The rising curve.
+    elements : int
+        Number n of bends.
+
+    Returns
+    -------
+    ndarray, shape (2n + 3,)
+        Starting values of theta.
+
+    """
+    reach_v = float(voltage_v.max())
+    grid = np.arange(_GRID) * (reach_v / _GRID)
+    pieces = np.maximum(voltage_v[:, np.newaxis] - grid, 0.0)
+    ones = np.ones((voltage_v.size, 1))
+    columns = np.hstack((pieces, ones, -ones))
+    orthogonal, triangular = np.linalg.qr(columns)
+    weights = nnls(triangular, orthogonal.T @ displacement_um)[0]
+    mean_compliance = float(np.sum(weights[:_GRID] * (reach_v - grid)) / reach_v)
+    bends = [
+        (float(threshold), float(weight))
+        for threshold, weight in zip(grid[1:], weights[1:_GRID], strict=True) if weight > 0.0]
+    while len(bends) > elements:
+        bends = _merged(bends)
+    while len(bends) < elements:
+        bends = _split(bends, reach_v, 0.01 * mean_compliance)
+    small_signal = max(float(weights[0]), 0.1 * mean_compliance)
+    return np.array([
+        small_signal, *(weight for _, weight in bends), *(threshold for threshold, _ in bends),
+        0.0, weights[_GRID] - weights[_GRID + 1]])
+
+
+def _merged(bends: list[tuple[float, float]]) -> list[tuple[float, float]]:
+    """Replace two neighbouring bends by one at their centre, where it changes the curve least."""
+    table = np.array(bends)
+    threshold, weight = table[:, 0], table[:, 1]
+    gap = np.diff(threshold)
+    both = weight[1:] + weight[:-1]
+    height = weight[1:] * weight[:-1] / both * gap
+    i = int(np.argmin(height**2 * gap))
+    centre = float(threshold[i] + gap[i] * weight[i + 1] / both[i])
+    return [*bends[:i], (centre, float(both[i])), *bends[i + 2:]]
+
+
+def _split(
+    bends: list[tuple[float, float]], reach_v: float, weight: float,
+) -> list[tuple[float, float]]:
+    """Add a small bend in the middle of the widest gap."""
+    edges = [0.0, *(threshold for threshold, _ in bends), reach_v]
+    i = int(np.argmax(np.diff(edges)))
+    return [*bends[:i], (0.5 * (edges[i] + edges[i + 1]), weight), *bends[i:]]
+
+
+def _without_turns(records: Sequence[Record], delay_samples: float) -> list[Record]:
+    """
+    Leave out what follows each turn of the voltage until a lag has settled.
+
+    Along a branch a lag is a delay, which the fit knows; only at a turn the two differ.
+    """
+    if abs(delay_samples) < _NEGLIGIBLE_DELAY_SAMPLES:
+        return list(records)
+    settling = int(np.ceil(_SETTLING_DELAYS * (abs(delay_samples) + 1.0)))
+    kept = []
+    for record in records:
+        weight = record.weight.copy()
+        for turn in (0, *reversals_of(record.voltage_v)):
+            weight[max(turn - 1, 0):turn + settling] = 0.0
+        if weight.sum() < 0.5 * record.weight.sum():
+            return list(records)  # turns so dense that nothing would be left to fit
+        kept.append(replace(record, weight=weight))
+    return kept
+
+
+def elements_of_plays(theta: _Floats) -> tuple[_Floats, _Floats, _Floats]:
+    """
+    Return the MRC elements that a superposition of plays stands for.
+
+    On the virgin curve play i starts to move where element i saturates; the compliance grows from
+    c_{i-1} to c_i = p_0 + … + p_i there. Hence kappa_i = c_{i-1} c_i / p_i, kappa_{n+1} = c_n and
+    u_S,i = x(r_i) / kappa_i.
+
+    Parameters
+    ----------
+    theta : ndarray, shape (2n + 3,)
+        Parameters with rising thresholds.
+
+    Returns
+    -------
+    kappa_um_per_v : ndarray, shape (n + 1,)
+        Compliances.
+    saturation_v : ndarray, shape (n,)
+        Saturation voltages.
+    jacobian : ndarray, shape (2n + 1, 2n + 3)
+        Derivatives of (kappa, u_S) by theta.
+
+    """
+    plays = _plays(theta)
+    jacobian = np.empty((2 * plays + 1, theta.size))
+    for i in range(theta.size):
+        complex_theta = theta.astype(np.complex128)
+        complex_theta[i] += 1e-30j  # the derivative without a difference, exact to rounding
+        jacobian[:, i] = np.concatenate(_elements(complex_theta)).imag / 1e-30
+    kappa, saturation = _elements(theta.astype(np.complex128))
+    return kappa.real, saturation.real, jacobian
+
+
+def _elements(theta: NDArray[np.complex128]) -> tuple[
+        NDArray[np.complex128], NDArray[np.complex128]]:
+    plays = _plays(theta)
+    weight, threshold = theta[1:plays + 1], theta[plays + 1:2 * plays + 1]
+    compliance = np.cumsum(theta[:plays + 1])
+    kappa = compliance[:-1] * compliance[1:] / weight
+    steps = np.diff(threshold, prepend=0.0)
+    width = np.cumsum(compliance[:-1] * steps)
+    return np.append(kappa, compliance[-1]), width / kappa
