@@ -1,0 +1,39 @@
+import io
+import sys
+
+import pytest
+
+from piezo_ros.cli.progress import Progress
+
+
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
+@pytest.fixture
+def show(monkeypatch):
+    def on(stream):
+        monkeypatch.setattr(sys, 'stderr', stream)
+        progress = Progress()
+        progress.announce('one')
+        progress.show(0.5)
+        progress.announce('two')
+        progress.show(1.0)
+        progress.end()
+        progress.end()
+        return stream.getvalue()
+    return on
+
+
+def test_elsewhere_than_on_a_terminal_there_are_plain_lines(show):
+    assert show(io.StringIO()) == 'one\ntwo\n'
+
+
+def test_on_a_terminal_a_bar_fills_and_its_line_is_left_once(show):
+    text = show(Terminal())
+    assert text.count('\n') == 2
+    bars = text.replace('\n', '').split('\r')[1:]
+    assert [bar[:3] for bar in bars] == ['one', 'one', 'two', 'two']
+    assert [bar.count('█') for bar in bars] == [0, 15, 0, 30]
+    assert [bar[-4:] for bar in bars] == ['  0%', ' 50%', '  0%', '100%']

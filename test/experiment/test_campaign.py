@@ -1,0 +1,162 @@
+import json
+
+import numpy as np
+import pytest
+
+from piezo_ros.bag import read
+from piezo_ros.control import simulate
+from piezo_ros.experiment.campaign import RunResult, prepare_directory, run_campaign
+from piezo_ros.experiment.errors import CampaignError, PlanError
+from piezo_ros.experiment.offline import simulate_run
+from piezo_ros.experiment.plan import read_plan
+from piezo_ros.paper import TABLE_4
+
+KEYS = {
+    'scheme': str, 'waveform': str, 'amplitude_um': float, 'frequency_hz': float,
+    'harmonics': int, 'nrmse_percent': float, 'max_error_um': float, 'bag': str, 'samples': int,
+    'wall_seconds': float}
+STREAMS = ('reference', 'feedforward', 'command', 'voltage', 'displacement')
+
+
+@pytest.fixture
+def plan(write_plan):
+    return read_plan(write_plan(runs=[
+        {'scheme': ['fb', 'ff', 'fbff'], 'periods': 6},
+        {'scheme': 'ff', 'waveform': 'sine', 'amplitude_um': 0.7, 'periods': 6}]))
+
+
+@pytest.fixture
+def output(tmp_path):
+    directory = tmp_path / 'out'
+    prepare_directory(directory, force=False)
+    return directory
+
+
+def test_a_campaign_offline_ends_in_a_report_of_every_run(plan, output):
+    announced = []
+    campaign = run_campaign(plan, output, simulate_run, announced.append)
+    assert campaign.report == output / 'report.html'
+    assert campaign.report.is_file()
+    assert len(campaign.runs) == len(announced) == 4
+    assert announced[1] == '[2/4] ff: triangle 1 um, 300 Hz, m = 9, 2000 samples'
+    report = json.loads((output / 'report.json').read_text())
+    assert 'piezo_ros' in report['software']
+    assert report['software']['numpy'] == np.__version__
+    for run, planned in zip(report['runs'], plan.runs, strict=True):
+        paper = {'paper_nrmse_percent'} & set(run)
+        assert set(run) - paper == set(KEYS)
+        assert all(type(run[key]) is kind for key, kind in KEYS.items())
+        assert run['scheme'] == planned.controller.scheme
+        assert run['samples'] == planned.trajectory.samples == 2000
+        assert run['bag'] == f'bags/{planned.name}'
+        assert read(output / run['bag']).samples == run['samples']
+        assert run['wall_seconds'] > 0.0
+        # The paper tabulates FF and FBFF of triangles only.
+        published = {'ff': TABLE_4[1.0][300.0].ff, 'fbff': TABLE_4[1.0][300.0].fbff}
+        expected = published.get(run['scheme']) if run['waveform'] == 'triangle' else None
+        assert run.get('paper_nrmse_percent') == expected
+    assert (output / 'plan.yaml').read_bytes() == plan.path.read_bytes()
+
+
+def test_the_bag_holds_the_samples_of_the_simulation_for_a_foreign_reader_too(plan, output):
+    from rosbags.highlevel import AnyReader
+    from rosbags.typesys import Stores, get_typestore
+    planned = plan.runs[2]
+    simulate_run(planned, output / 'bag')
+    run = simulate(planned.plant, planned.compensator, planned.controller, planned.trajectory)
+    samples = {stream: [] for stream in STREAMS}
+    store = get_typestore(Stores.ROS2_JAZZY)
+    with AnyReader([output / 'bag'], default_typestore=store) as reader:
+        for connection, _, raw in reader.messages():
+            message = reader.deserialize(raw, connection.msgtype)
+            stream = connection.topic.lstrip('/')
+            index, period_s, *values = message.data.tolist()
+            assert period_s == 1e-5
+            assert index == len(samples[stream])
+            samples[stream] += values
+    ours = read(output / 'bag')
+    for stream, expected in zip(STREAMS, run, strict=True):
+        assert np.array(samples[stream]).tobytes() == expected.tobytes()
+        assert ours.whole(stream)[1].tobytes() == expected.tobytes()
+
+
+def test_the_bag_says_how_it_came_about(plan, output):
+    planned = plan.runs[0]
+    simulate_run(planned, output / 'bag')
+    run = read(output / 'bag')
+    assert run.metadata['scheme'] == 'fb'
+    assert run.metadata['seed'] == '1'
+    (plant,) = (values for node, values in run.parameters.items() if node.endswith('plant'))
+    assert plant == planned.parameters['plant']
+
+
+def test_the_same_plan_gives_the_same_bytes(plan, output):
+    for name in ('one', 'two'):
+        simulate_run(plan.runs[1], output / name / 'bag')
+    one, two = (sorted((output / name).rglob('*.mcap')) for name in ('one', 'two'))
+    assert one
+    assert [path.read_bytes() for path in one] == [path.read_bytes() for path in two]
+
+
+def test_a_campaign_that_breaks_off_reports_what_it_has(plan, output):
+    def run(planned, bag):
+        if planned is plan.runs[2]:
+            raise CampaignError('the plant is gone')
+        simulate_run(planned, bag)
+        return RunResult(0.5, ('one remark',))
+
+    with pytest.raises(CampaignError, match='the plant is gone'):
+        run_campaign(plan, output, run)
+    report = json.loads((output / 'report.json').read_text())
+    assert [entry['scheme'] for entry in report['runs']] == ['fb', 'ff']
+    page = (output / 'report.html').read_text()
+    assert 'the plant is gone' in page
+    assert 'one remark' in page
+
+
+def test_a_campaign_that_breaks_off_at_once_writes_no_report(plan, output):
+    def run(planned, bag):
+        raise CampaignError('nobody there')
+
+    with pytest.raises(CampaignError, match='nobody there'):
+        run_campaign(plan, output, run)
+    assert not (output / 'report.html').exists()
+    prepare_directory(output, force=True)  # and it may be replaced
+
+
+def test_an_absent_or_empty_directory_is_taken(tmp_path):
+    for directory in (tmp_path / 'deep' / 'new', tmp_path / 'empty'):
+        if directory.name == 'empty':
+            directory.mkdir()
+        prepare_directory(directory, force=False)
+        assert directory.is_dir()
+
+
+def test_an_earlier_output_is_replaced_by_force_only(plan, output):
+    run_campaign(plan, output, simulate_run)
+    with pytest.raises(PlanError, match='out exists; --force replaces it'):
+        prepare_directory(output, force=False)
+    assert (output / 'report.html').exists()
+    prepare_directory(output, force=True)
+    assert not (output / 'report.html').exists()
+    assert not (output / 'bags').exists()
+
+
+@pytest.mark.parametrize('name', ['thesis.tex', 'plan.yaml', 'report.html', 'bags/run/run.mcap'])
+@pytest.mark.parametrize('force', [False, True])
+def test_a_directory_of_somebody_else_is_never_deleted(tmp_path, name, force):
+    precious = tmp_path / 'mine' / name
+    precious.parent.mkdir(parents=True)
+    precious.write_text('years of work')
+    with pytest.raises(PlanError, match='exists'):
+        prepare_directory(tmp_path / 'mine', force=force)
+    assert precious.read_text() == 'years of work'
+
+
+@pytest.mark.parametrize('force', [False, True])
+def test_a_file_is_not_taken_for_a_directory(tmp_path, force):
+    path = tmp_path / 'mine'
+    path.write_text('years of work')
+    with pytest.raises(PlanError, match='mine exists'):
+        prepare_directory(path, force=force)
+    assert path.read_text() == 'years of work'

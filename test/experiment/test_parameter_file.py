@@ -1,0 +1,86 @@
+import pytest
+
+from piezo_ros.experiment.errors import PlanError
+from piezo_ros.experiment.node_parameters import NODE_PARAMETERS, check_node_parameters
+from piezo_ros.experiment.parameter_file import read_parameter_file, read_yaml
+from piezo_ros.experiment.provenance import parameters_yaml, run_metadata
+from piezo_ros.model import ParameterError
+
+NODES = ('plant', 'controller')
+
+
+@pytest.fixture
+def read(tmp_path):
+    def of(text):
+        path = tmp_path / 'parameters.yaml'
+        path.write_text(text)
+        return read_parameter_file(path, NODES)
+    return of
+
+
+@pytest.mark.parametrize('key', [
+    'plant', '/plant', '/rig/plant', '/**/plant', '/*/plant', '/rig/deep/plant'])
+def test_a_node_is_found_in_any_namespace(read, key):
+    assert read(f'{key}: {{ros__parameters: {{seed: 3}}}}') == {'plant': {'seed': 3}}
+
+
+@pytest.mark.parametrize('key', ['/**', '"*"', '/*', '/rig/*'])
+def test_a_wildcard_is_every_node(read, key):
+    assert read(f'{key}: {{ros__parameters: {{seed: 3}}}}') == {
+        'plant': {'seed': 3}, 'controller': {'seed': 3}}
+
+
+def test_later_sections_add_to_earlier_ones_and_win(read):
+    assert read(
+        '/**: {ros__parameters: {a: 1, b: 1}}\nplant: {ros__parameters: {b: 2, c: 3}}'
+    ) == {'plant': {'a': 1, 'b': 2, 'c': 3}, 'controller': {'a': 1, 'b': 1}}
+
+
+def test_other_nodes_are_left_out(read):
+    assert read('camera: {ros__parameters: {a: 1}}\nplants: {ros__parameters: {a: 1}}') == {}
+
+
+@pytest.mark.parametrize('text', ['', '3', '- plant', 'just text'])
+def test_a_file_of_another_form_is_refused(read, text):
+    with pytest.raises(PlanError, match='parameters.yaml is no ROS parameter file'):
+        read(text)
+
+
+@pytest.mark.parametrize('section', ['3', '{}', '{seed: 3}', '{ros__parameters: 3}', '[1]'])
+def test_a_section_without_parameters_is_refused_by_name(read, section):
+    with pytest.raises(PlanError, match="'/plant' has no mapping ros__parameters"):
+        read(f'/plant: {section}')
+
+
+@pytest.mark.parametrize(('text', 'value'), [
+    ('1e-5', 1e-5), ('1.0e-5', 1e-5), ('-2E+3', -2000.0), ('1e5', 1e5), ('5', 5),
+    ('1.5', 1.5), ('"1e-5"', '1e-5'), ('e5', 'e5'), ('1e5x', '1e5x'), ('true', True)])
+def test_numbers_are_read_as_by_ros(tmp_path, text, value):
+    path = tmp_path / 'one.yaml'
+    path.write_text(f'value: {text}')
+    read = read_yaml(path)['value']
+    assert read == value
+    assert type(read) is type(value)
+
+
+@pytest.mark.parametrize('node', NODE_PARAMETERS)
+def test_the_parameters_of_every_node_survive_a_file(node, tmp_path):
+    complete = check_node_parameters(node, {})
+    path = tmp_path / 'parameters.yaml'
+    path.write_text(parameters_yaml('/rig', {node: complete}))
+    values = read_parameter_file(path, [node])[node]
+    assert check_node_parameters(node, values) == complete
+
+
+def test_an_unknown_parameter_is_refused_with_the_node_that_does_not_have_it():
+    with pytest.raises(ParameterError, match="unknown parameter 'gain' of plant; it has .*seed"):
+        check_node_parameters('plant', {'gain': 1.0})
+
+
+def test_the_record_of_a_run_holds_what_is_known_and_the_versions():
+    record = run_metadata({
+        'controller': {'scheme': 'ff'}, 'plant': {'seed': 4}, 'trajectory': {'amplitude_um': 1.5}})
+    assert (record['scheme'], record['seed'], record['amplitude_um']) == ('ff', '4', '1.5')
+    assert 'frequency_hz' not in record
+    assert record['version.numpy'].count('.') == 2
+    assert all(isinstance(value, str) for value in record.values())
