@@ -7,11 +7,11 @@ which the fit never sees. Controller, compensator and feedforward are as publish
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import differential_evolution
+from scipy.optimize import Bounds, OptimizeResult, differential_evolution
 
 from piezo_ros.experiment.tracking_table import (
     Agreement,
@@ -62,15 +62,15 @@ class Calibration:
 
     def to_parameter_yaml(self) -> str:
         """Return a ROS parameter file for the plant."""
+        overall, held_out = self.overall, self.held_out
         lines = [
             '# The simulated rig: printed parameters of Liu 2015 (the defaults of the node, Tables',
             '# 1 and 2), and what no model knows of it: mismatches and current limit, from',
             '#     piezo calibrate -o config/rig.yaml',
-            '# fitted on the rows 0.5, 1.5 and 2.5 um of Table 4. Median relative deviation:',
-            (f'# {self.overall.median_deviation:.1%} over all 60 cells, '
-            f'{self.held_out.median_deviation:.1%} on the rows 1.0 and 2.0 um, which the fit never'),
-            (f'# saw; the better of FF and FBFF agrees in {self.overall.verdicts} of '
-            f'{self.overall.conditions} conditions.'),
+            '# fitted on the rows 0.5, 1.5 and 2.5 um of Table 4. Median relative deviation',
+            f'# {overall.median_deviation:.1%} over all rows, {held_out.median_deviation:.1%} over',
+            '# the rows 1.0 and 2.0 um, which the fit never saw; the better of FF and FBFF',
+            f'# agrees in {overall.verdicts} of {overall.conditions} conditions.',
             '/**/plant:',
             '  ros__parameters:',
             f'    order: {self.rig.order}',
@@ -116,13 +116,14 @@ def calibrate_rig(
         missed = 1.0 - found.verdicts / found.conditions
         return float(found.median_deviation + deviations.mean() + _VERDICT_WEIGHT * missed)
 
-    def count(_best: Any, convergence: float) -> None:
+    def count(intermediate_result: OptimizeResult) -> None:
         nonlocal done
         done += 1
         progress(done / generations)
 
+    low, high = zip(*RANGES.values(), strict=True)
     result = differential_evolution(
-        cost, list(RANGES.values()), maxiter=generations, popsize=10, seed=seed, polish=False,
+        cost, Bounds(low, high), maxiter=generations, popsize=10, seed=seed, polish=False,
         tol=0.0, callback=count)
     rig = _rig(np.array([float(f'{value:.{_DIGITS}g}') for value in result.x]))
     return Calibration(rig, *(
@@ -130,7 +131,7 @@ def calibrate_rig(
 
 
 def _rig(values: NDArray[np.float64]) -> RigParameters:
-    return RigParameters(**dict(zip(RANGES, map(float, values), strict=True)))
+    return RigParameters.from_mapping(dict(zip(RANGES, map(float, values), strict=True)))
 
 
 def _compared(rig: RigParameters, rows: tuple[float, ...] | None) -> Agreement:

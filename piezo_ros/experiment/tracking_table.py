@@ -11,7 +11,14 @@ from piezo_ros.control import ControllerParameters, TrajectoryParameters, simula
 from piezo_ros.model import HysteresisParameters, RigParameters
 from piezo_ros.report.metrics import nrmse, tail
 
-__all__ = ['SCHEMES', 'Agreement', 'agreement', 'published_errors', 'table_cells', 'tracking_errors']
+__all__ = [
+    'SCHEMES',
+    'Agreement',
+    'agreement',
+    'published_errors',
+    'table_cells',
+    'tracking_errors',
+]
 
 SCHEMES = ('ff', 'fbff')
 _PERCENT = 100.0
