@@ -17,7 +17,7 @@ from piezo_ros.model import ParameterError
 
 PERIOD_S = 1e-5
 KP, KI = 0.239, 2630.0
-LIMIT_UM = 2.0
+LIMIT_UM = 1.7
 FEEDBACK_SCHEMES = ('fb', 'fbff')
 errors = st.floats(-5.0, 5.0)
 
@@ -173,7 +173,7 @@ def test_gains_and_scheme_change_without_a_bump(before, after, anti_windup):
             last = loop(*sample)
         loop.change(parameters_of(
             after, proportional_gain=kp, integral_gain_per_s=ki, **limits))
-        reference, feedforward, measured = rng.normal(size=3).tolist()
+        reference, feedforward, measured = rng.normal(0.0, 5.0, 3).tolist()
         assert loop(reference, feedforward, measured) == pytest.approx(last, abs=1e-12)
         # And it goes on from there, as an integral does.
         error = reference - measured
