@@ -48,7 +48,9 @@ _THINNED_SAMPLES: Final = 10_000
 _RICH_STEPS: Final = 40
 _STEPS_PER_PLAY: Final = 15
 _DELAY_MARGIN: Final = 5.0  # standard errors
+_LEAST_MARGIN_SAMPLES: Final = 0.01
 _CONTESTED_PLAYS: Final = 2
+_FEW_PLAYS: Final = 6
 _VAGUENESS: Final = 1e-12
 _LARGEST_DELAY_SAMPLES: Final = 1000.0
 # Delays below this are numerical or below what the turns could show.
@@ -145,21 +147,28 @@ def prepare(
         For `fit_mrc`.
 
     """
-    theta = plays_of_rising_curve(
-        *rising_curve(records[0], virgin=virgin), max(_RICH_PLAYS, max(wanted) + _EXTRA_PLAYS))
+    rising = rising_curve(records[0], virgin=virgin)
+    theta = plays_of_rising_curve(*rising, max(_RICH_PLAYS, max(wanted) + _EXTRA_PLAYS))
     anywhere = (-_LARGEST_DELAY_SAMPLES, _LARGEST_DELAY_SAMPLES)
     theta, normal = _minimise(thinned(records), theta, anywhere, _RICH_STEPS)
     delay = float(theta[-2])
     settled = _without_turns(records, delay)
     few = thinned(settled)
-    margin = _DELAY_MARGIN * float(np.sqrt(
-        _inverse(normal.curvature)[-2, -2] * normal.cost / normal.samples))
+    error = float(np.sqrt(_inverse(normal.curvature)[-2, -2] * normal.cost / normal.samples))
+    margin = max(_DELAY_MARGIN * error, _LEAST_MARGIN_SAMPLES)
     bounds = (delay - margin, delay + margin)
     starts = {}
     while True:
         plays = _plays(theta)
         if plays in wanted:
             starts[plays] = theta
+            if plays <= _FEW_PLAYS:
+                direct = plays_of_rising_curve(*rising, plays)
+                direct[-2] = delay
+                # The last plays left need not be the best few; try those of the curve alone.
+                starts[plays] = min(
+                    (_minimise(few, start, bounds, _RICH_STEPS) for start in (theta, direct)),
+                    key=lambda fit: fit[1].cost)[0]
         if plays <= min(wanted):
             return Preparation(settled, starts, bounds)
         # The last plays to go are hardly weaker than those that stay: let all samples decide.
