@@ -147,34 +147,40 @@ def prepare(
         For `fit_mrc`.
 
     """
-    rising = rising_curve(records[0], virgin=virgin)
-    theta = plays_of_rising_curve(*rising, max(_RICH_PLAYS, max(wanted) + _EXTRA_PLAYS))
+    curve = rising_curve(records[0], virgin=virgin)
+    theta = plays_of_rising_curve(*curve, max(_RICH_PLAYS, max(wanted) + _EXTRA_PLAYS))
     anywhere = (-_LARGEST_DELAY_SAMPLES, _LARGEST_DELAY_SAMPLES)
     theta, normal = _minimise(thinned(records), theta, anywhere, _RICH_STEPS)
-    delay = float(theta[-2])
-    settled = _without_turns(records, delay)
+    delay_bounds = _delay_bounds(theta, normal)
+    settled = _without_turns(records, float(theta[-2]))
     few = thinned(settled)
-    error = float(np.sqrt(_inverse(normal.curvature)[-2, -2] * normal.cost / normal.samples))
-    margin = max(_DELAY_MARGIN * error, _LEAST_MARGIN_SAMPLES)
-    bounds = (delay - margin, delay + margin)
     starts = {}
     while True:
         plays = _plays(theta)
         if plays in wanted:
-            starts[plays] = theta
-            if plays <= _FEW_PLAYS:
-                direct = plays_of_rising_curve(*rising, plays)
-                direct[-2] = delay
-                # The last plays left need not be the best few; try those of the curve alone.
-                starts[plays] = min(
-                    (_minimise(few, start, bounds, _RICH_STEPS) for start in (theta, direct)),
-                    key=lambda fit: fit[1].cost)[0]
+            starts[plays] = theta if plays > _FEW_PLAYS else _better_start(
+                few, theta, plays_of_rising_curve(*curve, plays), delay_bounds)
         if plays <= min(wanted):
-            return Preparation(settled, starts, bounds)
+            return Preparation(settled, starts, delay_bounds)
         # The last plays to go are hardly weaker than those that stay: let all samples decide.
         deciding = settled if plays <= min(wanted) + _CONTESTED_PLAYS + 1 else few
         theta, normal = _minimise(
-            deciding, _without_weakest(theta, normal), bounds, _STEPS_PER_PLAY)
+            deciding, _without_weakest(theta, normal), delay_bounds, _STEPS_PER_PLAY)
+
+
+def _delay_bounds(theta: _Floats, normal: NormalEquations) -> tuple[float, float]:
+    error = float(np.sqrt(_inverse(normal.curvature)[-2, -2] * normal.cost / normal.samples))
+    margin = max(_DELAY_MARGIN * error, _LEAST_MARGIN_SAMPLES)
+    return float(theta[-2]) - margin, float(theta[-2]) + margin
+
+
+def _better_start(
+    records: Sequence[Record], left_over: _Floats, of_curve: _Floats,
+    delay_bounds: tuple[float, float],
+) -> _Floats:
+    """Return the better fit: the few plays left over need not be the best few."""
+    fits = [_minimise(records, start, delay_bounds, _RICH_STEPS) for start in (left_over, of_curve)]
+    return min(fits, key=lambda fit: fit[1].cost)[0]
 
 
 def fit_mrc(
