@@ -5,6 +5,7 @@ The nodes declare these sets, plans and offline simulation check against them, a
 documentation are printed from them.
 """
 
+import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
@@ -22,6 +23,7 @@ __all__ = [
     'SafetyParameters',
     'StageParameters',
     'check_node_parameters',
+    'parameter_names',
 ]
 
 
@@ -118,6 +120,13 @@ NODE_PARAMETERS: Final[Mapping[str, tuple[type[ParameterSet], ...]]] = {
     'plant': (RigParameters, SafetyParameters, StageParameters),
     'trajectory': (TrajectoryParameters, BlockParameters, StageParameters),
 }
+
+
+def parameter_names(node: str) -> tuple[str, ...]:
+    """Return the names of every parameter of a node."""
+    return tuple(
+        field.name for parameter_set in NODE_PARAMETERS[node]
+        for field in dataclasses.fields(parameter_set))
 
 
 def check_node_parameters(node: str, values: Mapping[str, Any]) -> dict[str, Any]:

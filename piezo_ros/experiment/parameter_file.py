@@ -8,6 +8,7 @@ from typing import Any
 import yaml
 
 from piezo_ros.experiment.errors import PlanError
+from piezo_ros.experiment.node_parameters import parameter_names
 
 __all__ = ['read_parameter_file', 'read_yaml']
 
@@ -54,7 +55,8 @@ def read_parameter_file(path: Path, nodes: Iterable[str]) -> dict[str, dict[str,
     Returns
     -------
     dict of str to dict
-        Node name to its parameters, for the nodes that the file names; ``/**`` is every node.
+        Node name to its parameters, for the nodes that the file names. Of a section for
+        every node (``/**``) each takes what it has, as in ROS.
 
     Raises
     ------
@@ -71,7 +73,11 @@ def read_parameter_file(path: Path, nodes: Iterable[str]) -> dict[str, dict[str,
                 section.get('ros__parameters'), Mapping):
             raise PlanError(f'{path}: {key!r} has no mapping ros__parameters')
         last = str(key).rpartition('/')[2]
+        values = section['ros__parameters']
         for node in nodes:
-            if last in (node, '*', '**'):
-                parameters.setdefault(node, {}).update(section['ros__parameters'])
+            if last == node:
+                parameters.setdefault(node, {}).update(values)
+            elif last in ('*', '**'):
+                parameters.setdefault(node, {}).update(
+                    (name, value) for name, value in values.items() if name in parameter_names(node))
     return parameters

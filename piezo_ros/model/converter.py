@@ -41,12 +41,13 @@ def converter_constants(
 
 @step
 def convert_step(constants: ConverterConstants, deviation: float) -> float:
-    """Return the deviation that comes out of the converter: clipped, then to the nearest step."""
+    """Return the deviation that comes out of the converter: to the nearest step, then clipped."""
     value = deviation + constants.operating_point
+    if constants.resolution > 0.0:
+        value = math.floor(value / constants.resolution + 0.5) * constants.resolution
+    # Last, so that rounding cannot carry it beyond a rail.
     if value < constants.minimum:
         value = constants.minimum
     elif value > constants.maximum:
         value = constants.maximum
-    if constants.resolution > 0.0:
-        value = math.floor(value / constants.resolution + 0.5) * constants.resolution
     return value - constants.operating_point

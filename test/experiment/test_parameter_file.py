@@ -25,15 +25,18 @@ def test_a_node_is_found_in_any_namespace(read, key):
 
 
 @pytest.mark.parametrize('key', ['/**', '"*"', '/*', '/rig/*'])
-def test_a_wildcard_is_every_node(read, key):
-    assert read(f'{key}: {{ros__parameters: {{seed: 3}}}}') == {
-        'plant': {'seed': 3}, 'controller': {'seed': 3}}
+def test_a_wildcard_is_every_node_each_of_which_takes_what_it_has(read, key):
+    assert read(f'{key}: {{ros__parameters: {{seed: 3, compiled: true}}}}') == {
+        'plant': {'seed': 3, 'compiled': True}, 'controller': {'compiled': True}}
 
 
 def test_later_sections_add_to_earlier_ones_and_win(read):
     assert read(
-        '/**: {ros__parameters: {a: 1, b: 1}}\nplant: {ros__parameters: {b: 2, c: 3}}'
-    ) == {'plant': {'a': 1, 'b': 2, 'c': 3}, 'controller': {'a': 1, 'b': 1}}
+        '/**: {ros__parameters: {linger_s: 1, start_index: 1}}\n'
+        'plant: {ros__parameters: {start_index: 2, c: 3}}'
+    ) == {
+        'plant': {'linger_s': 1, 'start_index': 2, 'c': 3},
+        'controller': {'linger_s': 1, 'start_index': 1}}
 
 
 def test_other_nodes_are_left_out(read):

@@ -55,7 +55,7 @@ def test_a_run_overrides_a_parameter_file_and_a_short_key_overrides_both(write_p
         {'plant': {'seed': 5}, 'controller': {'scheme': 'fb', 'proportional_gain': 0.1}},
         {'controller': {'scheme': 'fb'}, 'scheme': 'ff'}]))
     first, second = plan.runs
-    assert (first.plant.seed, first.plant.gain_mismatch) == (5, -0.06)
+    assert (first.plant.seed, first.plant.gain_mismatch) == (5, -0.0586)
     assert (first.controller.scheme, first.controller.proportional_gain) == ('fb', 0.1)
     assert (second.plant.seed, second.controller.scheme) == (1, 'ff')
 

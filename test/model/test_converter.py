@@ -46,3 +46,9 @@ def test_the_rig_has_the_converters_of_the_paper():
     assert constants.adc.resolution == pytest.approx(24.0 / 2**18)  # um
     readings = {convert_step(constants.adc, value) for value in np.linspace(0.0, 1e-3, 1000)}
     assert 10 <= len(readings) <= 13
+
+
+def test_rounding_does_not_carry_the_voltage_beyond_a_rail():
+    converter = converter_constants(-2.0, 10.0, 20.0, 16, 5.0)
+    assert convert_step(converter, -7.0001) == -7.0
+    assert convert_step(converter, 5.0001) == 5.0
