@@ -393,7 +393,7 @@ class _Problem(NamedTuple):
         found = least_squares(
             residual, inside, jac=slopes,
             bounds=(self.lower, self.upper), x_scale='jac', max_nfev=_EVALUATIONS,
-            xtol=1e-12, ftol=1e-12, gtol=1e-12)
+            xtol=1e-10, ftol=1e-10, gtol=1e-10)
         return _Refined(
             Sections.split(self.shape, found.x, self.delay), slopes(found.x),
             2.0 * float(found.cost))
@@ -413,9 +413,11 @@ def _solve(problem: _Problem) -> tuple[Sections, NDArray[np.float64], float, flo
     best: _Refined | None = None
     for start in _starts(problem):
         refined = problem.refine(start, 0.0)
+        # Two starts that meet have found the optimum, and noise alone leaves nothing to look for.
+        met = best is not None and abs(refined.squares - best.squares) < 1e-4 * best.squares
         if best is None or refined.squares < best.squares:
             best = refined
-        if best.squares <= enough * degrees:
+        if met or best.squares <= enough * degrees:
             break
     assert best is not None
     chi_squared = best.squares / degrees

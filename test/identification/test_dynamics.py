@@ -1,3 +1,5 @@
+from pathlib import Path
+
 import control
 import numpy as np
 import pytest
@@ -22,11 +24,9 @@ from piezo_ros.model import (
 
 TS = 1e-5
 CHECK_HZ = np.geomspace(10.0, 2000.0, 60)
-# What config/rig.yaml says.
-PHYSICAL = RigParameters(
-    gain_mismatch=-0.060, natural_frequency_1_mismatch=-0.034,
-    natural_frequency_2_mismatch=0.170, damping_ratio_1_mismatch=-0.238,
-    time_constant_mismatch=-0.029, slew_limit_v_per_s=18900.0)
+RIG_FILE = Path(__file__).parents[2] / 'config' / 'rig.yaml'
+PHYSICAL = RigParameters.from_mapping(
+    yaml.safe_load(RIG_FILE.read_text())['/**/plant']['ros__parameters'])
 
 
 def sampled_truth(parameters, frequency_hz, sample_period_s=TS):
