@@ -14,13 +14,17 @@ from piezo_ros.control.controller import (
     controller_constants,
 )
 from piezo_ros.control.controller import initial_state as initial_controller_state
-from piezo_ros.control.trajectory import TrajectoryParameters, trajectory_constants
+from piezo_ros.control.trajectory import (
+    TrajectoryParameters,
+    trajectory_blocks,
+    trajectory_constants,
+)
 from piezo_ros.model.hysteresis import HysteresisParameters, hysteresis_constants
 from piezo_ros.model.noise import unit_noise
-from piezo_ros.model.rig import RigParameters, as_arrays, rig_constants
+from piezo_ros.model.rig import Rig, RigParameters, as_arrays, rig_constants
 from piezo_ros.model.rig import initial_state as initial_rig_state
 
-__all__ = ['ClosedLoopRun', 'simulate']
+__all__ = ['BareRun', 'ClosedLoopRun', 'simulate', 'simulate_bare']
 
 
 class ClosedLoopRun(NamedTuple):
@@ -31,6 +35,43 @@ class ClosedLoopRun(NamedTuple):
     command_um: NDArray[np.float64]  # (N,)
     voltage_v: NDArray[np.float64]  # (N,)
     displacement_um: NDArray[np.float64]  # (N + 1,)
+
+
+class BareRun(NamedTuple):
+    """The streams of a run without controller and compensator."""
+
+    voltage_v: NDArray[np.float64]  # (N,)
+    displacement_um: NDArray[np.float64]  # (N + 1,)
+
+
+def simulate_bare(plant: RigParameters, trajectory: TrajectoryParameters) -> BareRun:
+    """
+    Drive the bare actuator with a voltage offline; bit for bit what the live graph gives.
+
+    Parameters
+    ----------
+    plant : RigParameters
+        The rig.
+    trajectory : TrajectoryParameters
+        The voltage, its ``output`` being that.
+
+    Returns
+    -------
+    BareRun
+        Every stream of the run.
+
+    Raises
+    ------
+    ValueError
+        If the output of the trajectory is a displacement.
+
+    """
+    if trajectory.output != 'voltage':
+        raise ValueError(f'output is {trajectory.output!r}, the bare actuator needs voltage')
+    voltage_v, _ = trajectory_blocks(trajectory, compiled=True)(0, trajectory.samples)
+    rig = Rig(plant, trajectory.sample_period_s)
+    first_um = rig.measure()
+    return BareRun(np.array(voltage_v), np.concatenate([[first_um], rig.run(voltage_v)]))
 
 
 def simulate(

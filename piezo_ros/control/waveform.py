@@ -39,6 +39,11 @@ class WaveformParameters(ParameterSet):
         'triangle', '', 'shape of the desired displacement', choices=WAVEFORMS)
     amplitude_um: float = parameter(
         1.0, 'um', 'peak amplitude around the operating point', minimum=0.0, maximum=1e4)
+    output: str = parameter(
+        'displacement', '', 'displacement, or voltage: the waveform itself drives the amplifier, '
+        'without controller and compensator', choices=('displacement', 'voltage'))
+    amplitude_v: float = parameter(
+        3.0, 'V', 'peak amplitude where the output is voltage', minimum=0.0, maximum=1e3)
     frequency_hz: float = parameter(
         300.0, 'Hz', 'fundamental frequency', minimum=1e-6, maximum=1e9)
     periods: float = parameter(
@@ -66,6 +71,11 @@ class WaveformParameters(ParameterSet):
                 f'{MOST_SAMPLES}')
 
     @property
+    def amplitude(self) -> float:
+        """Peak amplitude of the output, micrometres or volts."""
+        return self.amplitude_v if self.output == 'voltage' else self.amplitude_um
+
+    @property
     def samples(self) -> int:
         """Number of samples of the whole run."""
         return round(self.periods / (self.frequency_hz * self.sample_period_s))
@@ -75,7 +85,7 @@ class WaveformConstants(NamedTuple):
     """What the steps need of the parameters."""
 
     shape: int
-    amplitude_um: float
+    amplitude: float  # micrometres or volts
     turns_per_sample: float
     ramp_turns: float
     levels: float  # periods over which a decreasing triangle vanishes
@@ -86,7 +96,7 @@ def waveform_constants(parameters: WaveformParameters) -> WaveformConstants:
     p = parameters
     return WaveformConstants(
         shape=WAVEFORMS.index(p.waveform),
-        amplitude_um=p.amplitude_um,
+        amplitude=p.amplitude,
         turns_per_sample=p.frequency_hz * p.sample_period_s,
         ramp_turns=p.ramp_periods,
         levels=float(math.ceil(p.periods)))
@@ -108,7 +118,7 @@ def ramp_step(constants: WaveformConstants, turns: float) -> float:
 
 @step
 def reference_step(constants: WaveformConstants, turns: float) -> float:
-    """Return the desired displacement, micrometres."""
+    """Return the desired displacement, micrometres (or the voltage, volts)."""
     period = math.floor(turns)
     phase = turns - period
     if constants.shape == SINE:
@@ -122,4 +132,4 @@ def reference_step(constants: WaveformConstants, turns: float) -> float:
     if constants.shape == DECREASING_TRIANGLE:
         # One period at each level; the level changes where the triangle crosses zero.
         value *= max(0.0, 1.0 - period / constants.levels)
-    return constants.amplitude_um * ramp_step(constants, turns) * value
+    return constants.amplitude * ramp_step(constants, turns) * value

@@ -133,9 +133,10 @@ def run_campaign(
             notes.append(f'The campaign ended at run {number}, {planned.name}: {error}')
             break
         notes += [f'{planned.name}: {note}' for note in result.notes]
-        scored.append(score(
-            read(bag), periods=plan.score_periods, bag=str(bag.relative_to(directory)),
-            wall_seconds=result.wall_seconds))
+        if not planned.bare:  # it follows no reference
+            scored.append(score(
+                read(bag), periods=plan.score_periods, bag=str(bag.relative_to(directory)),
+                wall_seconds=result.wall_seconds))
     report = directory / 'report.html'
     if scored:
         report = write_report(
@@ -150,6 +151,10 @@ def run_campaign(
 def describe(planned: PlannedRun) -> str:
     """Return one line about a run."""
     trajectory = planned.trajectory
+    if planned.bare:
+        return (
+            f'bare actuator: {trajectory.waveform} {trajectory.amplitude_v:g} V, '
+            f'{trajectory.frequency_hz:g} Hz, {trajectory.samples} samples')
     return (
         f'{planned.controller.scheme}: {trajectory.waveform} {trajectory.amplitude_um:g} um, '
         f'{trajectory.frequency_hz:g} Hz, m = {trajectory.harmonics}, '

@@ -17,6 +17,7 @@ from piezo_ros.model.parameters import parameter
 
 __all__ = [
     'NODE_PARAMETERS',
+    'BareParameters',
     'BlockParameters',
     'DemandParameters',
     'RecorderParameters',
@@ -61,6 +62,15 @@ class SafetyParameters(ParameterSet):
     safe_slew_v_per_s: float = parameter(
         1000.0, 'V/s', 'how fast the voltage goes to zero deviation at the end',
         minimum=1e-3, maximum=1e9)
+
+
+@dataclass(frozen=True, kw_only=True)
+class BareParameters(ParameterSet):
+    """How the plant is driven without a controller."""
+
+    demand_lookahead_samples: int = parameter(
+        0, 'samples', 'how far the demand of the plant leads its displacement; 0: the controller '
+        'demands', minimum=0, maximum=10**9)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -117,7 +127,7 @@ NODE_PARAMETERS: Final[Mapping[str, tuple[type[ParameterSet], ...]]] = {
     'recorder': (RecorderParameters, StageParameters),
     'compensator': (HysteresisParameters, StageParameters),
     'controller': (ControllerParameters, DemandParameters, StageParameters),
-    'plant': (RigParameters, SafetyParameters, StageParameters),
+    'plant': (RigParameters, SafetyParameters, BareParameters, StageParameters),
     'trajectory': (TrajectoryParameters, BlockParameters, StageParameters),
 }
 

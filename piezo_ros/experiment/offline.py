@@ -1,15 +1,19 @@
 """One run of a plan simulated offline: the same samples and the same bag as from the live graph."""
 
 import time
+from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 
-from piezo_ros.bag import BagWriter
+import numpy as np
+from numpy.typing import NDArray
+
+from piezo_ros.bag import STREAMS, BagWriter
 from piezo_ros.control import (
-    ClosedLoopRun,
     ControllerParameters,
     TrajectoryParameters,
     simulate,
+    simulate_bare,
 )
 from piezo_ros.experiment.campaign import RunResult
 from piezo_ros.experiment.plan import PlannedRun
@@ -35,10 +39,15 @@ def simulate_run(planned: PlannedRun, bag: Path) -> RunResult:
     """
     _compile()
     start = time.perf_counter()
-    run = simulate(
-        planned.plant, planned.compensator, planned.controller, planned.trajectory)
+    if planned.bare:
+        bare = simulate_bare(planned.plant, planned.trajectory)
+        streams = {'voltage': bare.voltage_v, 'displacement': bare.displacement_um}
+    else:
+        run = simulate(
+            planned.plant, planned.compensator, planned.controller, planned.trajectory)
+        streams = dict(zip(STREAMS, run, strict=True))
     seconds = time.perf_counter() - start
-    write_run(planned, run, bag)
+    write_run(planned, streams, bag)
     return RunResult(seconds)
 
 
@@ -50,7 +59,9 @@ def _compile() -> None:
         TrajectoryParameters(periods=0.01))
 
 
-def write_run(planned: PlannedRun, run: ClosedLoopRun, bag: Path) -> None:
+def write_run(
+    planned: PlannedRun, streams: Mapping[str, NDArray[np.float64]], bag: Path,
+) -> None:
     """
     Write the streams of a run as the recorder would.
 
@@ -58,22 +69,17 @@ def write_run(planned: PlannedRun, run: ClosedLoopRun, bag: Path) -> None:
     ----------
     planned : PlannedRun
         Where its parameters come from.
-    run : ClosedLoopRun
-        The streams.
+    streams : mapping of str to ndarray
+        The streams that the run has, from index 0.
     bag : Path
         Bag directory; must not exist.
 
     """
     period_s = planned.trajectory.sample_period_s
-    streams = {
-        'reference': run.reference_um,
-        'feedforward': run.feedforward_um,
-        'command': run.command_um,
-        'voltage': run.voltage_v,
-        'displacement': run.displacement_um,
-    }
-    with BagWriter(bag, metadata=run_metadata(planned.parameters)) as writer:
-        writer.attach_parameters(parameters_yaml('/', planned.parameters))
+    parameters = {stage: planned.parameters[stage] for stage in planned.stages}
+    topics = {stream: f'/{stream}' for stream in streams}
+    with BagWriter(bag, topics=topics, metadata=run_metadata(parameters)) as writer:
+        writer.attach_parameters(parameters_yaml('/', parameters))
         longest = max(values.size for values in streams.values())
         for start in range(0, longest, _BLOCK_SAMPLES):
             for stream, values in streams.items():

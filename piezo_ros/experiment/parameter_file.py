@@ -79,5 +79,6 @@ def read_parameter_file(path: Path, nodes: Iterable[str]) -> dict[str, dict[str,
                 parameters.setdefault(node, {}).update(values)
             elif last in ('*', '**'):
                 parameters.setdefault(node, {}).update(
-                    (name, value) for name, value in values.items() if name in parameter_names(node))
+                    (name, value) for name, value in values.items()
+                    if name in parameter_names(node))
     return parameters

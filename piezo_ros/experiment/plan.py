@@ -28,6 +28,8 @@ _SHORT_KEYS: Final = {
     'harmonics': 'trajectory',
     'periods': 'trajectory',
     'ramp_periods': 'trajectory',
+    'output': 'trajectory',
+    'amplitude_v': 'trajectory',
 }
 
 
@@ -47,6 +49,16 @@ class PlannedRun:
 
     name: str
     parameters: Mapping[str, Mapping[str, Any]]
+
+    @property
+    def bare(self) -> bool:
+        """Whether the trajectory drives the amplifier itself."""
+        return bool(self.parameters['trajectory']['output'] == 'voltage')
+
+    @property
+    def stages(self) -> tuple[str, ...]:
+        """The stages that take part."""
+        return ('plant', 'trajectory') if self.bare else STAGES
 
     @property
     def plant(self) -> RigParameters:
@@ -181,16 +193,32 @@ def _planned(
     if len(set(periods.values())) > 1:
         raise PlanError(f'{where}: sample_period_s differs between the nodes: {periods}')
     trajectory = parameters['trajectory']
+    bare = trajectory['output'] == 'voltage'
+    scheme = 'bare' if bare else parameters['controller']['scheme']
+    amplitude = f'{trajectory["amplitude_v"]:g}v' if bare else f'{trajectory["amplitude_um"]:g}um'
     name = (
-        f'{number:03d}_{parameters["controller"]["scheme"]}_{trajectory["waveform"]}'
-        f'_{trajectory["amplitude_um"]:g}um_{trajectory["frequency_hz"]:g}hz')
+        f'{number:03d}_{scheme}_{trajectory["waveform"]}_{amplitude}'
+        f'_{trajectory["frequency_hz"]:g}hz')
     run = PlannedRun(name, parameters)
     reach_um = run.plant.reach_um
+    if bare:
+        _check_rails(where, run.plant, trajectory['amplitude_v'])
+        return run
     if not 0.0 < trajectory['amplitude_um'] <= reach_um:
         raise PlanError(
             f'{where}: amplitude_um is {trajectory["amplitude_um"]} um, it must be above 0, and '
             f'the stage travels {reach_um:g} um to either side of its operating point')
     return run
+
+
+def _check_rails(where: str, plant: RigParameters, amplitude_v: float) -> None:
+    reach_v = min(
+        plant.operating_point_v - plant.voltage_minimum_v,
+        plant.voltage_maximum_v - plant.operating_point_v)
+    if not 0.0 < amplitude_v <= reach_v:
+        raise PlanError(
+            f'{where}: amplitude_v is {amplitude_v} V, it must be above 0, and the rails are '
+            f'{reach_v:g} V from the operating point')
 
 
 def _check(where: str, stage: str, values: Mapping[str, Any]) -> dict[str, Any]:

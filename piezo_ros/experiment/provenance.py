@@ -11,7 +11,8 @@ __all__ = ['parameters_yaml', 'run_metadata', 'software_versions']
 _DESCRIBING = {
     'controller': ('scheme',),
     'trajectory': (
-        'waveform', 'amplitude_um', 'frequency_hz', 'harmonics', 'periods', 'sample_period_s'),
+        'output', 'waveform', 'amplitude_um', 'amplitude_v', 'frequency_hz', 'harmonics',
+        'periods', 'sample_period_s'),
     'plant': ('seed',),
 }
 _PACKAGES = ('numpy', 'scipy', 'numba', 'control', 'mcap', 'matplotlib', 'rclpy')

@@ -1,7 +1,5 @@
 """The controller: reference, feedforward and displacement in, linearised command out."""
 
-from std_msgs.msg import UInt64
-
 from piezo_ros.control.controller import (
     ControllerParameters,
     controller_constants,
@@ -9,8 +7,8 @@ from piezo_ros.control.controller import (
     initial_state,
 )
 from piezo_ros.experiment.node_parameters import DemandParameters
+from piezo_ros.nodes.demand import DemandWriter
 from piezo_ros.nodes.parameters import read
-from piezo_ros.nodes.qos import LATCHED
 from piezo_ros.nodes.stage import Stage
 from piezo_ros.nodes.streams import StreamFault
 
@@ -40,7 +38,7 @@ class Controller(Stage):
 
     def create_endpoints(self) -> None:
         """Create the publisher of the demand."""
-        self._demand = self.create_publisher(UInt64, 'demand', LATCHED)
+        self._demand = DemandWriter(self, self._flow.lookahead_samples)
 
     def required_inputs(self) -> tuple[str, ...]:
         """Return what the scheme needs; the displacement paces every scheme."""
@@ -59,8 +57,7 @@ class Controller(Stage):
         self._has_feedforward = self._feedforward.subscription.get_publisher_count() > 0
         self._index = 0
         self._commands_ended = False
-        self._demanded = 0
-        self._renew_demand()
+        self._demand.start(0)
 
     def poll(self) -> bool:
         """Send every command that can be computed now."""
@@ -68,8 +65,7 @@ class Controller(Stage):
             progress = self._poll_feedback()
         else:
             progress = self._poll_blocks()
-        if self._displacement.next_index + self._flow.lookahead_samples // 2 >= self._demanded:
-            self._renew_demand()
+        self._demand.update(self._displacement.next_index)
         return progress
 
     def _poll_feedback(self) -> bool:
@@ -145,7 +141,3 @@ class Controller(Stage):
                 raise StreamFault(
                     f'{waiting} samples of {reader.subscription.topic_name} wait, allowed are '
                     f'{self._flow.max_buffer_samples}')
-
-    def _renew_demand(self) -> None:
-        self._demanded = self._displacement.next_index + self._flow.lookahead_samples
-        self._demand.publish(UInt64(data=self._demanded))

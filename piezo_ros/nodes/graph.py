@@ -21,16 +21,18 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import String
 
-from piezo_ros.bag import BagError, salvage
+from piezo_ros.bag import STREAMS, BagError, salvage
 from piezo_ros.experiment.campaign import RunResult
 from piezo_ros.experiment.errors import CampaignError
-from piezo_ros.experiment.plan import STAGES, PlannedRun
+from piezo_ros.experiment.plan import PlannedRun
 from piezo_ros.nodes.executables import PARENT_VARIABLE
 from piezo_ros.nodes.middleware import set_middleware_defaults
 
 __all__ = ['GraphRunner']
 
 _POLL_S: Final = 0.02
+_BARE_LOOKAHEAD: Final = 1000
+_LAST_STATUS_S: Final = 5.0  # how long to wait for it once all is recorded
 _GRACE_S: Final = ((signal.SIGINT, 10.0), (signal.SIGTERM, 3.0), (signal.SIGKILL, 3.0))
 # Every writer's last status is wanted, not only the newest of all.
 _STATUS_QOS: Final = QoSProfile(
@@ -118,8 +120,8 @@ class GraphRunner:
         self._take_statuses()  # what is left of the run before
         run.statuses.clear()
         arguments = self._parameter_files(planned, bag)
-        names = [
-            *(['recorder'] if self._record else []), *(['loop'] if self._composed else STAGES)]
+        stages = ['loop'] if self._composed and not planned.bare else planned.stages
+        names = [*(['recorder'] if self._record else []), *stages]
         try:
             for name in names:
                 run.start(name, arguments, logs)
@@ -142,8 +144,13 @@ class GraphRunner:
             'required_readers': 2 if self._record else 1, 'linger_s': -1.0, 'autostart': True,
             'compiled': self._composed}
         sections = {
-            stage: {**planned.parameters[stage], **common} for stage in STAGES}
+            stage: {**planned.parameters[stage], **common} for stage in planned.stages}
+        if planned.bare:
+            # The plant demands; only the recorder reads its displacement.
+            sections['plant'].update(
+                demand_lookahead_samples=_BARE_LOOKAHEAD, required_readers=int(self._record))
         sections['recorder'] = {
+            'streams': 'voltage,displacement' if planned.bare else ','.join(STREAMS),
             'bag_directory': str(bag.absolute()), 'linger_s': 0.0,
             'sample_period_s': planned.trajectory.sample_period_s}
         path = self._directory / 'parameters' / f'{planned.name}.yaml'
@@ -169,7 +176,7 @@ class GraphRunner:
         notes: list[str] = []
         if not (bag / 'metadata.yaml').is_file() and bag.exists():
             notes.append(_rescue(bag))
-        problems = run.problems()
+        problems = run.problems(stopped=bool(self._stop_signal))
         if self._stop_signal:
             problems.insert(0, _stopped_by(self._stop_signal))
         if problems:
@@ -189,6 +196,7 @@ class _LiveRun:
         self.statuses: dict[str, dict[str, Any]] = {}
         self._processes: dict[str, subprocess.Popen[bytes]] = {}
         self._blamed: dict[str, int] = {}
+        self._recorded_s = 0.0
 
     def start(self, name: str, arguments: list[str], logs: Path) -> None:
         """Start one executable, its output into a log."""
@@ -202,10 +210,17 @@ class _LiveRun:
 
     def over(self) -> bool:
         """Return whether every stream has ended and is recorded."""
-        if 'recorder' in self._processes:
-            return self._processes['recorder'].poll() is not None
-        states = [self.statuses.get(stage, {}).get('state') for stage in STAGES]
-        return all(state in ('finished', 'faulted') for state in states)
+        recorder = self._processes.get('recorder')
+        if recorder is not None and recorder.poll() is None:
+            return False
+        states = [self.statuses.get(stage, {}).get('state') for stage in self.planned.stages]
+        if all(state in ('finished', 'faulted') for state in states):
+            return True
+        if recorder is None:
+            return False
+        # The last statuses may be on their way, or their writers not discovered yet.
+        self._recorded_s = self._recorded_s or time.monotonic()
+        return time.monotonic() - self._recorded_s > _LAST_STATUS_S
 
     def going(self) -> bool:
         """Return whether any process runs."""
@@ -243,17 +258,19 @@ class _LiveRun:
                 process.kill()
             process.wait()
 
-    def problems(self) -> list[str]:
+    def problems(self, *, stopped: bool) -> list[str]:
         """Return what went wrong, the first failure only; the others follow from it."""
         self.dead()
+        faults = [
+            f'{status["node"]}: {status["reason"]}' for status in self.statuses.values()
+            if status['state'] == 'faulted']
         for name, code in self._blamed.items():
-            reason = self.statuses.get(name, {}).get('reason', '')
             if code < 0:
                 return [f'{name} was killed by {signal.Signals(-code).name}']
-            faults = [
-                f'{status["node"]}: {status["reason"]}' for status in self.statuses.values()
-                if status['state'] == 'faulted']
-            return [f'{name} failed' + (f': {reason}' if reason else ''), *faults]
+            # Who is told to end before its run is over fails, and that is as it should be.
+            if not stopped or faults:
+                reason = self.statuses.get(name, {}).get('reason', '')
+                return [f'{name} failed' + (f': {reason}' if reason else ''), *faults]
         return []
 
 

@@ -4,10 +4,11 @@ import math
 import time
 from typing import Any
 
-from piezo_ros.experiment.node_parameters import SafetyParameters
+from piezo_ros.experiment.node_parameters import BareParameters, SafetyParameters
 from piezo_ros.model.noise import NoiseSource
 from piezo_ros.model.rig import RigParameters, measure_step, rig_constants
 from piezo_ros.model.stepping import rig_stepper
+from piezo_ros.nodes.demand import DemandWriter
 from piezo_ros.nodes.parameters import read
 from piezo_ros.nodes.stage import Stage
 from piezo_ros.nodes.streams import StreamFault
@@ -30,6 +31,12 @@ class Plant(Stage):
         """Read the parameters of the rig."""
         self._rig = read(self, RigParameters)
         self._safety = read(self, SafetyParameters)
+        self._lookahead = read(self, BareParameters).demand_lookahead_samples
+
+    def create_endpoints(self) -> None:
+        """Create the publisher of the demand, where there is no controller to demand."""
+        if self._lookahead:
+            self.demand = DemandWriter(self, self._lookahead)
 
     def start(self) -> None:
         """Put the rig to rest at its operating point and send its first reading."""
@@ -47,6 +54,8 @@ class Plant(Stage):
         self._index = first
         self._displacement.publish_one(
             measure_step(rig_constants(self._rig, period_s), 0.0, self._noise(first)))
+        if self._lookahead:
+            self.demand.start(self._index)
 
     def poll(self) -> bool:
         """Answer one block."""
@@ -68,6 +77,8 @@ class Plant(Stage):
         else:
             self._elapsed_s = time.perf_counter() - self._began_s
             self.finish()
+        if self._lookahead:
+            self.demand.update(self._index)
         return True
 
     def watch(self, now_s: float) -> None:

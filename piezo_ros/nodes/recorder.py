@@ -20,6 +20,7 @@ __all__ = ['Recorder']
 
 _AT_ONCE = 64  # blocks of one stream before the next one's turn
 _SETTLE_S = 0.2  # how long a stopped recorder waits for what is still on its way
+_SETTLE_AT_MOST_S = 2.0  # how long it takes what comes: the others may go on regardless
 
 
 class Recorder(Stage):
@@ -97,11 +98,16 @@ class Recorder(Stage):
 
     def _take_the_rest(self, bag: BagWriter) -> None:
         open_readers = [reader for reader in self.readers.values() if not reader.ended]
-        quiet_since = time.monotonic()
-        while open_readers and time.monotonic() - quiet_since < _SETTLE_S:
+        began = quiet_since = time.monotonic()
+        while (
+            open_readers and time.monotonic() - quiet_since < _SETTLE_S
+            and time.monotonic() - began < _SETTLE_AT_MOST_S
+        ):
             for reader in list(open_readers):
                 try:
-                    while reader.take() is not None:
+                    for _ in range(_AT_ONCE):
+                        if reader.take() is None:
+                            break
                         bag.write(reader.stream, reader.raw)
                         quiet_since = time.monotonic()
                 except StreamFault as fault:
@@ -160,7 +166,10 @@ class _PeerParameters:
         everyone_known = True
         for reader in self._recorder.readers.values():
             topic = reader.subscription.topic_name
-            for endpoint in self._recorder.get_publishers_info_by_topic(topic):
+            endpoints = self._recorder.get_publishers_info_by_topic(topic)
+            # A matched writer may not be in the graph yet.
+            everyone_known = everyone_known and bool(endpoints)
+            for endpoint in endpoints:
                 # Discovery tells of an endpoint before it tells of its node.
                 if endpoint.node_name.startswith('_'):
                     everyone_known = False

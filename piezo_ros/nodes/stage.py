@@ -14,6 +14,7 @@ from typing import Any
 
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
+from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 from std_msgs.msg import String
@@ -50,6 +51,8 @@ class Stage(LifecycleNode):
 
     def __init__(self, name: str, *, compiled: bool = False) -> None:
         self._stream_subscriptions: set[Subscription[Any]] = set()
+        self._own_subscriptions: list[Subscription[Any]] = []
+        self._own_publishers: list[Publisher[Any]] = []
         super().__init__(
             name, parameter_overrides=[Parameter('compiled', value=True)] if compiled else [])
         declare(self, *NODE_PARAMETERS[name])
@@ -160,6 +163,12 @@ class Stage(LifecycleNode):
         for writer in self.writers.values():
             self.destroy_publisher(writer.publisher)
         self.readers, self.writers = {}, {}
+        for subscription in self._own_subscriptions:
+            self._stream_subscriptions.discard(subscription)
+            self.destroy_subscription(subscription)
+        for publisher in self._own_publishers:
+            self.destroy_publisher(publisher)
+        self._own_subscriptions, self._own_publishers = [], []
         return TransitionCallbackReturn.SUCCESS
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -256,6 +265,22 @@ class Stage(LifecycleNode):
             publisher.wait_for_all_acked(Duration(seconds=left_s))
 
     # -- endpoints and status ---------------------------------------------------------------------
+
+    def create_own_publisher(
+        self, message_type: Any, topic: str, qos: QoSProfile,
+    ) -> Publisher[Any]:
+        """Create a publisher beside the streams; it goes when the stage is cleaned up."""
+        publisher = self.create_publisher(message_type, topic, qos)
+        self._own_publishers.append(publisher)
+        return publisher
+
+    def create_own_subscription(
+        self, message_type: Any, topic: str, qos: QoSProfile,
+    ) -> Subscription[Any]:
+        """Create a subscription beside the streams; it goes when the stage is cleaned up."""
+        subscription = self.create_stream_subscription(message_type, topic, qos)
+        self._own_subscriptions.append(subscription)
+        return subscription
 
     def create_stream_subscription(
         self, message_type: Any, topic: str, qos: QoSProfile,

@@ -18,7 +18,7 @@ _TURNS_PER_LOOK = 16  # of the stream loop, between two looks for a new demand
 class Trajectory(Stage):
     """Sends the samples below the newest demand."""
 
-    outputs = ('reference', 'feedforward')
+    outputs: tuple[str, ...] = ('reference', 'feedforward')
     urgent = False
 
     def __init__(self, *, compiled: bool = False) -> None:
@@ -29,11 +29,13 @@ class Trajectory(Stage):
         parameters = read(self, TrajectoryParameters)
         self._blocks = trajectory_blocks(parameters, compiled=self.settings.compiled)
         self._samples = parameters.samples
+        bare = parameters.output == 'voltage'
+        self.outputs = ('voltage',) if bare else ('reference', 'feedforward')
         self._block_samples = read(self, BlockParameters).block_samples
 
     def create_endpoints(self) -> None:
         """Create the subscription of the demand."""
-        self._demand = self.create_stream_subscription(UInt64, 'demand', LATCHED)
+        self._demand = self.create_own_subscription(UInt64, 'demand', LATCHED)
         self._take_demand = self._demand.handle.take_message
 
     def missing_peers(self) -> str:
@@ -45,8 +47,7 @@ class Trajectory(Stage):
 
     def start(self) -> None:
         """Begin at the first sample."""
-        self._reference = self.writers['reference']
-        self._feedforward = self.writers['feedforward']
+        self._streams = [self.writers[stream] for stream in self.outputs]
         self._index = max(self.settings.start_index, 0)
         self._limit = 0
         self._turns = 0
@@ -64,10 +65,11 @@ class Trajectory(Stage):
             self._limit = min(max(self._limit, taken[0].data), self._samples)
         count = min(self._limit - self._index, self._block_samples)
         if count > 0:
-            reference_um, feedforward_um = self._blocks(self._index, count)
+            blocks = self._blocks(self._index, count)
             self._index += count
-            self._reference.publish(reference_um)
-            self._feedforward.publish(feedforward_um)
+            # The voltage of the bare actuator is the reference alone.
+            for stream, block in zip(self._streams, blocks, strict=False):
+                stream.publish(block)
         if self._index >= self._samples:
             self.finish()
         return True
