@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -12,8 +12,10 @@ from piezo_ros.control.feedforward import (
     feedforward_step,
 )
 from piezo_ros.control.waveform import (
+    EXCITATIONS,
     WaveformConstants,
     WaveformParameters,
+    excitation_of,
     ramp_step,
     reference_step,
     turns_step,
@@ -52,13 +54,18 @@ class TrajectoryConstants(NamedTuple):
 
     waveform: WaveformConstants
     feedforward: FeedforwardConstants
+    table: Any  # (samples,) of a stepped sine or multisine, else empty
 
 
 def trajectory_constants(parameters: TrajectoryParameters) -> TrajectoryConstants:
     """Return the constants of the step as lists."""
+    table: list[float] = []
+    if parameters.waveform in EXCITATIONS:
+        table = excitation_of(parameters).command.tolist()
     return TrajectoryConstants(
         waveform_constants(parameters),
-        feedforward_constants(parameters, parameters.harmonics, LinearDynamics(parameters)))
+        feedforward_constants(parameters, parameters.harmonics, LinearDynamics(parameters)),
+        table)
 
 
 def trajectory_blocks(
@@ -103,6 +110,9 @@ def trajectory_blocks(
 @step
 def trajectory_step(constants: TrajectoryConstants, index: int) -> tuple[float, float]:
     """Return reference and feedforward of one sample, micrometres."""
+    if len(constants.table) > 0:
+        reference_um = constants.table[index]
+        return reference_um, constants.feedforward.dc_inverse * reference_um
     waveform = constants.waveform
     turns = turns_step(waveform, index)
     reference_um = reference_step(waveform, turns)

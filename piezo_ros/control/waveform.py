@@ -7,28 +7,34 @@ the same bits.
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import NamedTuple
 
+from piezo_ros.control.excitation import Excitation, multisine, stepped_sine
 from piezo_ros.model.parameters import ParameterError, ParameterSet, parameter
 from piezo_ros.model.step import step
 
 __all__ = [
     'DECREASING_TRIANGLE',
+    'EXCITATIONS',
     'SINE',
     'TRIANGLE',
     'WAVEFORMS',
     'WaveformConstants',
     'WaveformParameters',
+    'excitation_of',
     'ramp_step',
     'reference_step',
     'turns_step',
     'waveform_constants',
 ]
 
-WAVEFORMS = ('triangle', 'sine', 'decreasing_triangle')
+WAVEFORMS = ('triangle', 'sine', 'decreasing_triangle', 'stepped_sine', 'multisine')
 TRIANGLE, SINE, DECREASING_TRIANGLE = range(3)
+EXCITATIONS = WAVEFORMS[3:]  # tables of samples, see piezo_ros.control.excitation
 TURN_RAD = 2.0 * math.pi
 MOST_SAMPLES = 2**53  # an index is exact in a float64
+MOST_TABLE_SAMPLES = 10**8
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,6 +50,18 @@ class WaveformParameters(ParameterSet):
         'without controller and compensator', choices=('displacement', 'voltage'))
     amplitude_v: float = parameter(
         3.0, 'V', 'peak amplitude where the output is voltage', minimum=0.0, maximum=1e3)
+    offset_um: float = parameter(
+        0.0, 'um', 'mean of a stepped sine or multisine', minimum=-1e4, maximum=1e4)
+    offset_v: float = parameter(
+        0.0, 'V', 'mean of a stepped sine or multisine where the output is voltage',
+        minimum=-1e3, maximum=1e3)
+    frequencies_hz: tuple[float, ...] = parameter(
+        (100.0, 200.0, 500.0, 1000.0), 'Hz',
+        'frequencies of a stepped sine; of a multisine, the nearest odd or even multiples of '
+        'frequency_hz', minimum=1e-6, maximum=1e9)
+    dwell_s: float = parameter(
+        0.1, 's', 'time that a stepped sine is evaluated at each frequency, at least 8 periods',
+        minimum=0.0, maximum=1e6)
     frequency_hz: float = parameter(
         300.0, 'Hz', 'fundamental frequency', minimum=1e-6, maximum=1e9)
     periods: float = parameter(
@@ -76,9 +94,57 @@ class WaveformParameters(ParameterSet):
         return self.amplitude_v if self.output == 'voltage' else self.amplitude_um
 
     @property
+    def offset(self) -> float:
+        """Mean of the output, micrometres or volts."""
+        return self.offset_v if self.output == 'voltage' else self.offset_um
+
+    @property
     def samples(self) -> int:
         """Number of samples of the whole run."""
+        if self.waveform in EXCITATIONS:
+            return int(excitation_of(self).command.size)
         return round(self.periods / (self.frequency_hz * self.sample_period_s))
+
+
+@lru_cache(maxsize=16)
+def excitation_of(parameters: WaveformParameters) -> Excitation:
+    """
+    Return the samples of a stepped sine or multisine and the windows to evaluate.
+
+    The same parameters give the same windows: those in a bag tell how to read it.
+
+    Parameters
+    ----------
+    parameters : WaveformParameters
+        The trajectory.
+
+    Raises
+    ------
+    ParameterError
+        If the waveform is another one, or a frequency is not below Nyquist.
+
+    """
+    p = parameters
+    longest_s = p.periods / p.frequency_hz
+    if p.waveform == 'stepped_sine':
+        longest_s = sum(max(p.dwell_s, 8.0 / frequency_hz) for frequency_hz in p.frequencies_hz)
+    if longest_s / p.sample_period_s > MOST_TABLE_SAMPLES:
+        raise ParameterError(
+            f'a {p.waveform} of {longest_s:g} s has more than {MOST_TABLE_SAMPLES} samples of '
+            f'{p.sample_period_s:g} s')
+    try:
+        if p.waveform == 'stepped_sine':
+            return stepped_sine(
+                p.frequencies_hz, p.amplitude, p.sample_period_s, offset=p.offset,
+                dwell_s=p.dwell_s)
+        if p.waveform == 'multisine':
+            lines = sorted({max(1, round(f / p.frequency_hz)) for f in p.frequencies_hz})
+            return multisine(
+                p.frequency_hz, lines, p.amplitude, p.sample_period_s, offset=p.offset,
+                periods=max(1, round(p.periods)))
+    except ValueError as error:
+        raise ParameterError(str(error)) from None
+    raise ParameterError(f'waveform is {p.waveform!r}, allowed are {", ".join(EXCITATIONS)}')
 
 
 class WaveformConstants(NamedTuple):

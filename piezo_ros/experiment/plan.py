@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, Final, TypeVar
 
 from piezo_ros.control import ControllerParameters, TrajectoryParameters
+from piezo_ros.control.waveform import EXCITATIONS
 from piezo_ros.experiment.errors import PlanError
 from piezo_ros.experiment.node_parameters import check_node_parameters
 from piezo_ros.experiment.parameter_file import read_parameter_file, read_yaml
@@ -30,6 +31,9 @@ _SHORT_KEYS: Final = {
     'ramp_periods': 'trajectory',
     'output': 'trajectory',
     'amplitude_v': 'trajectory',
+    'offset_um': 'trajectory',
+    'offset_v': 'trajectory',
+    'dwell_s': 'trajectory',
 }
 
 
@@ -202,12 +206,14 @@ def _planned(
     run = PlannedRun(name, parameters)
     reach_um = run.plant.reach_um
     if bare:
-        _check_rails(where, run.plant, trajectory['amplitude_v'])
+        _check_rails(where, run.plant, trajectory['amplitude_v'] + abs(trajectory['offset_v']))
         return run
-    if not 0.0 < trajectory['amplitude_um'] <= reach_um:
+    offset_um = abs(trajectory['offset_um']) if trajectory['waveform'] in EXCITATIONS else 0.0
+    if not 0.0 < trajectory['amplitude_um'] <= reach_um - offset_um:
+        beside = f', beside the offset of {offset_um:g} um,' if offset_um else ''
         raise PlanError(
             f'{where}: amplitude_um is {trajectory["amplitude_um"]} um, it must be above 0, and '
-            f'the stage travels {reach_um:g} um to either side of its operating point')
+            f'the stage travels{beside} {reach_um:g} um to either side of its operating point')
     return run
 
 

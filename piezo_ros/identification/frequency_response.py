@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from piezo_ros.identification.excitation import Excitation, Window
+from piezo_ros.control.excitation import Excitation, Window
 from piezo_ros.identification.line_fit import LineFit, fit_lines
 
 __all__ = ['Amplifier', 'ExcludedPoint', 'FrequencyResponse', 'frequency_response', 'merge']

@@ -3,9 +3,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from piezo_ros.control.trajectory import TrajectoryParameters, trajectory_blocks
 from piezo_ros.control.waveform import (
+    EXCITATIONS,
     WAVEFORMS,
     WaveformParameters,
+    excitation_of,
     ramp_step,
     reference_step,
     turns_step,
@@ -13,7 +16,8 @@ from piezo_ros.control.waveform import (
 )
 from piezo_ros.model import ParameterError
 
-any_waveform = pytest.mark.parametrize('waveform', WAVEFORMS)
+# The other ones are tables; see test_excitation.py.
+any_waveform = pytest.mark.parametrize('waveform', [w for w in WAVEFORMS if w not in EXCITATIONS])
 
 
 def reference(constants, turns):
@@ -113,3 +117,31 @@ def test_what_cannot_be_sampled_is_refused(values, message):
     with pytest.raises(ParameterError) as refusal:
         WaveformParameters(**values)
     assert message in str(refusal.value)
+
+
+@pytest.mark.parametrize('waveform', EXCITATIONS)
+@pytest.mark.parametrize('output', ['displacement', 'voltage'])
+def test_an_excitation_is_played_sample_by_sample_with_the_amplitude_of_its_output(
+        waveform, output):
+    parameters = TrajectoryParameters(
+        waveform=waveform, output=output, harmonics=0, amplitude_um=0.5, amplitude_v=2.0,
+        offset_um=1.0, offset_v=-1.0, frequency_hz=50.0, periods=2.0, dwell_s=0.02,
+        frequencies_hz=(50.0, 150.0, 400.0))
+    expected = excitation_of(parameters).command
+    peak, mean = (0.5, 1.0) if output == 'displacement' else (2.0, -1.0)
+    assert np.max(np.abs(expected - mean)[-100:]) <= peak
+    assert np.max(np.abs(expected)) == pytest.approx(peak + 1.0, rel=0.02)
+    assert parameters.samples == expected.size
+    values, _ = trajectory_blocks(parameters)(0, parameters.samples)
+    np.testing.assert_array_equal(values, expected)
+    compiled, _ = trajectory_blocks(parameters, compiled=True)(7, 100)
+    np.testing.assert_array_equal(compiled, expected[7:107])
+
+
+@pytest.mark.parametrize(('values', 'words'), [
+    ({'frequencies_hz': (100.0, 60000.0)}, 'frequencies_hz'),
+    ({'dwell_s': 1e5}, 'samples'),
+])
+def test_an_excitation_that_cannot_be_sampled_is_refused(values, words):
+    with pytest.raises(ParameterError, match=words):
+        TrajectoryParameters(waveform='stepped_sine', harmonics=0, **values)

@@ -6,14 +6,15 @@ import pytest
 import yaml
 
 from piezo_ros.control import TrajectoryParameters
+from piezo_ros.control.excitation import multisine, odd_lines
+from piezo_ros.control.excitation import stepped_sine as build_stepped_sine
 from piezo_ros.identification.dynamics import fit_dynamics
-from piezo_ros.identification.excitation import multisine, odd_lines, run_excitation_offline
-from piezo_ros.identification.excitation import stepped_sine as build_stepped_sine
 from piezo_ros.identification.frequency_response import (
     Amplifier,
     FrequencyResponse,
     frequency_response,
 )
+from piezo_ros.identification.offline_excitation import run_excitation_offline
 from piezo_ros.identification.rational import Sections, Shape, polynomials, sampled_response
 from piezo_ros.model import (
     DynamicsParameters,

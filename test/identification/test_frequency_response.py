@@ -1,14 +1,9 @@
 import numpy as np
 import pytest
 
-from piezo_ros.identification.excitation import (
-    Window,
-    multisine,
-    odd_lines,
-    run_excitation_offline,
-    stepped_sine,
-)
+from piezo_ros.control.excitation import Window, multisine, odd_lines, stepped_sine
 from piezo_ros.identification.frequency_response import Amplifier, frequency_response, merge
+from piezo_ros.identification.offline_excitation import run_excitation_offline
 from piezo_ros.model import LinearDynamics, MaxwellResistiveCapacitor, RigParameters
 
 TS = 1e-5

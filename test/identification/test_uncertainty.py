@@ -2,12 +2,13 @@ import numpy as np
 import pytest
 
 from piezo_ros import paper
-from piezo_ros.identification.excitation import run_excitation_offline, stepped_sine
+from piezo_ros.control.excitation import stepped_sine
 from piezo_ros.identification.frequency_response import (
     Amplifier,
     FrequencyResponse,
     frequency_response,
 )
+from piezo_ros.identification.offline_excitation import run_excitation_offline
 from piezo_ros.identification.uncertainty import uncertainty_bound
 from piezo_ros.model import LinearDynamics, MaxwellResistiveCapacitor, RigParameters
 

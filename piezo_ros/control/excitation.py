@@ -13,15 +13,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from piezo_ros.model.hysteresis import MaxwellResistiveCapacitor
-from piezo_ros.model.rig import Rig, RigParameters
-
 __all__ = [
     'Excitation',
     'Window',
     'multisine',
     'odd_lines',
-    'run_excitation_offline',
     'stepped_sine',
 ]
 
@@ -262,42 +258,6 @@ def multisine(
     window = Window(
         ramp.size + before, ramp.size + whole.size, exact_hz, tuple(line.tolist()))
     return Excitation(np.concatenate([ramp, offset + whole]), (window,), sample_period_s)
-
-
-def run_excitation_offline(
-    plant: RigParameters,
-    compensator: MaxwellResistiveCapacitor | None,
-    command: ArrayLike,
-    sample_period_s: float,
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """
-    Play a command open loop through the compensator and the simulated rig.
-
-    Parameters
-    ----------
-    plant : RigParameters
-        The rig, never driven before.
-    compensator : MaxwellResistiveCapacitor or None
-        Its inverse makes the voltage; None for the bare actuator: the command is the voltage.
-    command : array_like, shape (N,)
-        Commanded displacement, micrometres, or voltage, volts.
-    sample_period_s : float
-        Sample period, seconds.
-
-    Returns
-    -------
-    voltage_v : ndarray, shape (N,)
-        Amplifier input; ``voltage_v[k]`` is held from sample k to k + 1.
-    displacement_um : ndarray, shape (N,)
-        Readings; ``displacement_um[k]`` is taken at ``k * sample_period_s``, before
-        ``voltage_v[k]`` has any effect.
-
-    """
-    values = np.asarray(command, dtype=np.float64)
-    voltage_v = values if compensator is None else compensator.inverse(values)[0]
-    rig = Rig(plant, sample_period_s)
-    first_um = rig.measure()
-    return voltage_v, np.concatenate([[first_um], rig.run(voltage_v)[:-1]])
 
 
 def _low_crest(
