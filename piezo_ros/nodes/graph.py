@@ -128,6 +128,7 @@ class GraphRunner:
             while not (run.over() or run.dead() or self._stop_signal):
                 self._follow(run)
                 time.sleep(_POLL_S)
+            self._follow(run)
             run.stop()
             self._follow(run)
         finally:
@@ -151,7 +152,7 @@ class GraphRunner:
                 demand_lookahead_samples=_BARE_LOOKAHEAD, required_readers=int(self._record))
         sections['recorder'] = {
             'streams': 'voltage,displacement' if planned.bare else ','.join(STREAMS),
-            'bag_directory': str(bag.absolute()), 'linger_s': 0.0,
+            'bag_directory': str(bag.absolute()), 'linger_s': 0.0, 'parameters_timeout_s': 15.0,
             'sample_period_s': planned.trajectory.sample_period_s}
         path = self._directory / 'parameters' / f'{planned.name}.yaml'
         path.parent.mkdir(exist_ok=True)
@@ -197,6 +198,7 @@ class _LiveRun:
         self._processes: dict[str, subprocess.Popen[bytes]] = {}
         self._blamed: dict[str, int] = {}
         self._recorded_s = 0.0
+        self._stopped_early: dict[str, str] = {}
 
     def start(self, name: str, arguments: list[str], logs: Path) -> None:
         """Start one executable, its output into a log."""
@@ -241,6 +243,9 @@ class _LiveRun:
 
     def stop(self) -> None:
         """Ask every process to end, and make sure."""
+        self._stopped_early = {
+            name: status['reason'] for name, status in self.statuses.items()
+            if status['state'] == 'stopped'}
         for step, grace_s in _GRACE_S:
             for process in self._processes.values():
                 if process.poll() is None:
@@ -267,6 +272,11 @@ class _LiveRun:
         for name, code in self._blamed.items():
             if code < 0:
                 return [f'{name} was killed by {signal.Signals(-code).name}']
+        # Somebody else told them to end; that others had to fail then may be seen before.
+        for stage, reason in self._stopped_early.items():
+            name = stage if stage in self._processes else 'loop'
+            return [f'{name} was stopped: {reason}', *faults]
+        for name in self._blamed:
             # Who is told to end before its run is over fails, and that is as it should be.
             if not stopped or faults:
                 reason = self.statuses.get(name, {}).get('reason', '')

@@ -21,6 +21,7 @@ _HOUSEKEEPING_S = 0.05
 _YIELD_S = 0.02  # how long an empty loop only yields before it sleeps
 _SHORT_SLEEP_S = 0.001
 _LONG_SLEEP_S = 0.01
+_ACKNOWLEDGE_S = 5.0  # how long the readers, of which one may be dead, have for the last messages
 _FLOW = ('controller', 'compensator', 'plant')
 
 
@@ -92,8 +93,9 @@ def _serve(make_stages: Callable[[], Sequence[Stage]], stop: _Stop) -> int:
             stage.stop(
                 signal.Signals(stop.signal_number).name if stop.signal_number
                 else 'another stage of this process ended')
+        deadline = time.monotonic() + _ACKNOWLEDGE_S
         for stage in stages:
-            stage.await_acknowledgements()
+            stage.await_acknowledgements(deadline)
         failed = not started or any(stage.failed for stage in stages)
         return 1 if failed or cut_short else 0
     finally:

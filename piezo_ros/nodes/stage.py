@@ -255,10 +255,9 @@ class Stage(LifecycleNode):
         self.quiesce()
         self._report(state)
 
-    def await_acknowledgements(self, timeout_s: float = 5.0) -> None:
+    def await_acknowledgements(self, deadline: float) -> None:
         """Wait until every reader has what was published, so that the process may end."""
         from rclpy.duration import Duration
-        deadline = time.monotonic() + timeout_s
         publishers = [writer.publisher for writer in self.writers.values()]
         for publisher in [*publishers, self._status]:
             left_s = max(deadline - time.monotonic(), 0.01)

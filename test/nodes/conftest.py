@@ -1,0 +1,174 @@
+"""Real processes on real middleware: started, watched, and ended whatever happens to the test."""
+
+import contextlib
+import itertools
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+import yaml
+
+ROOT = Path(__file__).parents[2]
+PATIENCE_S = 90.0
+_numbers = itertools.count()
+
+
+def wait_until(condition, what, timeout_s=PATIENCE_S):
+    """Return the first true value of a condition."""
+    deadline = time.monotonic() + timeout_s
+    while not (value := condition()):
+        assert time.monotonic() < deadline, f'waited in vain for {what}'
+        time.sleep(0.01)
+    return value
+
+
+class Process:
+    """A process in a group of its own, its output in a file."""
+
+    def __init__(self, arguments, output, environment, limit=None):
+        self._output = output
+        with output.open('wb') as file:
+            self._popen = subprocess.Popen(
+                [sys.executable, '-m', *arguments], stdin=subprocess.DEVNULL, stdout=file,
+                stderr=subprocess.STDOUT, start_new_session=True, env=environment,
+                preexec_fn=limit)
+        self.pid = self._popen.pid
+
+    @property
+    def output(self):
+        """What it has written so far, to either stream."""
+        return self._output.read_text(errors='replace')
+
+    @property
+    def exit_code(self):
+        return self._popen.poll()
+
+    def send(self, number):
+        self._popen.send_signal(number)
+
+    def wait(self, timeout_s=PATIENCE_S):
+        """Return the exit code; a process that does not end is the test's failure."""
+        try:
+            return self._popen.wait(timeout_s)
+        except subprocess.TimeoutExpired:
+            pytest.fail(f'process {self.pid} does not end; it wrote:\n{self.output}')
+
+    def wait_for(self, text):
+        """Wait until it has written a text."""
+        wait_until(
+            lambda: text in self.output or self.exit_code is not None, f'{text!r}')
+        assert text in self.output, self.output
+
+    def destroy(self):
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(self.pid, signal.SIGKILL)
+        self._popen.wait()
+
+
+class Rig:
+    """One rig: a namespace and a domain of its own, and the processes started in them."""
+
+    def __init__(self, directory):
+        number = os.getpid() + 37 * next(_numbers)
+        self.directory = directory
+        self.namespace = f'/test_{os.getpid()}_{next(_numbers)}'
+        self.domain = 1 + number % 101
+        self.environment = {
+            **os.environ, 'PYTHONPATH': str(ROOT), 'ROS_DOMAIN_ID': str(self.domain),
+            'PYTHONUNBUFFERED': '1'}
+        self._processes = []
+
+    def piezo(self, *arguments):
+        """Start the command; ``run`` gets the namespace of this rig."""
+        if arguments[0] == 'run' and '--default-namespace' not in arguments:
+            arguments = (*arguments, '--namespace', self.namespace)
+        arguments = [str(word) for word in arguments if word != '--default-namespace']
+        return self._start('piezo_ros.cli.main', *arguments)
+
+    def node(self, name, limit=None, **parameters):
+        """Start one node."""
+        words = [
+            word for key, value in parameters.items() for word in ('-p', f'{key}:={value}')]
+        return self._start(
+            'piezo_ros.nodes.executables', name, '--ros-args', '-r', f'__ns:={self.namespace}',
+            *words, limit=limit)
+
+    def _start(self, *arguments, limit=None):
+        output = self.directory / f'output_{len(self._processes)}.txt'
+        process = Process(arguments, output, self.environment, limit)
+        self._processes.append(process)
+        return process
+
+    def nodes(self, *names):
+        """Return the process number of every living node of this rig, or of those named."""
+        found = {}
+        for entry in Path('/proc').iterdir():
+            try:
+                words = (entry / 'cmdline').read_bytes().decode().split('\0')
+            except (OSError, UnicodeDecodeError):
+                continue
+            # The command line of a zombie is empty.
+            if entry.name.isdigit() and f'__ns:={self.namespace}' in words:
+                name = words[words.index('--ros-args') - 1]
+                if not names or name in names:
+                    found[name] = int(entry.name)
+        return found
+
+    def destroy(self):
+        for process in self._processes:
+            process.destroy()
+        for number in self.nodes().values():
+            os.kill(number, signal.SIGKILL)
+
+
+def _rigs(make_directory):
+    rigs = []
+
+    def make():
+        rigs.append(Rig(make_directory()))
+        return rigs[-1]
+
+    try:
+        yield make
+    finally:
+        for rig in rigs:
+            rig.destroy()
+
+
+@pytest.fixture
+def rig(tmp_path):
+    """One rig whose processes end with the test."""
+    yield from (make() for make in _rigs(lambda: tmp_path))
+
+
+@pytest.fixture(scope='module')
+def make_rig(tmp_path_factory):
+    """Make rigs whose processes end with the module."""
+    yield from _rigs(lambda: tmp_path_factory.mktemp('rig'))
+
+
+@pytest.fixture(scope='session')
+def write_plan(tmp_path_factory):
+    """Write a plan of one waveform under some schemes, on the simulated rig of config/."""
+    def write(*schemes, periods=3):
+        path = tmp_path_factory.mktemp('plan') / 'plan.yaml'
+        path.write_text(yaml.safe_dump({
+            'format_version': 1,
+            'parameter_files': [
+                str(ROOT / 'config' / f'{name}.yaml')
+                for name in ('rig', 'compensator', 'controller', 'trajectory')],
+            'score_periods': 1,
+            'runs': [{'scheme': list(schemes), 'periods': periods}],
+        }))
+        return path
+
+    return write
+
+
+@pytest.fixture(scope='session')
+def until():
+    return wait_until
