@@ -1,5 +1,6 @@
 """The recorder: every block of every stream into a bag, with the parameters of all nodes."""
 
+import math
 import time
 from functools import partial
 from pathlib import Path
@@ -18,6 +19,7 @@ from piezo_ros.nodes.streams import StreamFault
 
 __all__ = ['Recorder']
 
+_ASK_AGAIN_S = 0.5
 _AT_ONCE = 64  # blocks of one stream before the next one's turn
 _SETTLE_S = 0.2  # how long a stopped recorder waits for what is still on its way
 _SETTLE_AT_MOST_S = 2.0  # how long it takes what comes: the others may go on regardless
@@ -153,7 +155,7 @@ class _PeerParameters:
         self.parameters: dict[str, dict[str, Any]] = {}
         self._recorder = recorder
         self._clients: dict[str, AsyncParameterClient] = {}
-        self._asked: set[str] = set()
+        self._asked_s: dict[str, float] = {}
 
     @property
     def silent(self) -> list[str]:
@@ -177,11 +179,14 @@ class _PeerParameters:
                 name = f'{endpoint.node_namespace.rstrip("/")}/{endpoint.node_name}'
                 if name not in self._clients:
                     self._clients[name] = AsyncParameterClient(self._recorder, name)
-        for name, client in self._clients.items():
-            if name not in self._asked and client.services_are_ready():
-                self._asked.add(name)
-                client.list_parameters(
-                    callback=partial(self._got_names, name))
+        now_s = time.monotonic()
+        for name in self.silent if self._clients else ():
+            client = self._clients[name]
+            # A server that has not discovered its client throws the answer away: ask again.
+            due_s = self._asked_s.get(name, -math.inf) + _ASK_AGAIN_S
+            if now_s >= due_s and client.services_are_ready():
+                self._asked_s[name] = now_s
+                client.list_parameters(callback=partial(self._got_names, name))
         return everyone_known and not self.silent
 
     def _got_names(self, name: str, answer: Any) -> None:
