@@ -4,7 +4,7 @@ import argparse
 import sys
 from collections.abc import Sequence
 
-from piezo_ros.cli import bag, bench, calibrate, report, run
+from piezo_ros.cli import bag, bench, calibrate, identify, report, run
 
 __all__ = ['main']
 
@@ -30,6 +30,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         prog='piezo', description='Piezo nano-positioning on ROS 2: run, analyse, report.')
     commands = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
     run.add_commands(commands)
+    identify.add_command(commands)
     report.add_command(commands)
     bag.add_command(commands)
     calibrate.add_command(commands)

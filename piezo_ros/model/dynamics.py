@@ -119,6 +119,31 @@ class LinearDynamics:
         numerator, denominator = self.polynomials
         return np.asarray(np.polyval(numerator, s) / np.polyval(denominator, s))
 
+    def sampled_response(
+        self, frequency_hz: ArrayLike, sample_period_s: float,
+    ) -> NDArray[np.complex128]:
+        """
+        Return the response v[k] -> y[k] of G behind a zero-order hold.
+
+        Parameters
+        ----------
+        frequency_hz : array_like, shape (N,)
+            Frequencies below the Nyquist frequency, hertz.
+        sample_period_s : float
+            Sample period, seconds.
+
+        Returns
+        -------
+        ndarray of complex, shape (N,)
+            The frequency response, micrometres per micrometre.
+
+        """
+        system = self.discrete(sample_period_s)
+        z = np.exp(2j * np.pi * np.atleast_1d(frequency_hz) * sample_period_s)
+        pencil = z[:, None, None] * np.eye(len(system.a)) - system.a
+        states = np.linalg.solve(pencil, np.broadcast_to(system.b, (z.size, *system.b.shape)))
+        return np.asarray((system.c @ states)[:, 0, 0])
+
     @property
     def amplifier(self) -> StateSpace:
         """The amplifier poles, unit dc gain."""

@@ -155,3 +155,10 @@ def test_a_sample_period_that_is_none_is_refused(dynamics, period_s):
 def test_the_defaults_are_table_2():
     for name, value in DynamicsParameters().to_mapping().items():
         assert value == paper.TABLE_2[name]
+
+
+def test_the_sampled_response_is_that_of_the_discrete_system():
+    dynamics = LinearDynamics()
+    np.testing.assert_allclose(
+        dynamics.sampled_response(FREQUENCY_HZ, PERIOD_S),
+        response(dynamics.discrete(PERIOD_S), FREQUENCY_HZ, PERIOD_S), rtol=1e-9)
