@@ -8,9 +8,22 @@ from piezo_ros.identification.frequency_response import (
     frequency_response,
     merge,
 )
+from piezo_ros.identification.harmonics import (
+    HarmonicsChoice,
+    HarmonicsPrediction,
+    choose_harmonics,
+)
 from piezo_ros.identification.hysteresis import Coverage, HysteresisFit, fit_hysteresis
 from piezo_ros.identification.hysteresis_comparison import ModelScore, compare_hysteresis_models
+from piezo_ros.identification.loop_shape import LoopShape, PiLoop, loop_shape
 from piezo_ros.identification.offline_excitation import run_excitation_offline
+from piezo_ros.identification.scheme_choice import (
+    SchemeChoice,
+    SchemePrediction,
+    equal_error_frequency_hz,
+    recommend_scheme,
+)
+from piezo_ros.identification.tuning import PiTuning, tune_pi
 from piezo_ros.identification.uncertainty import UncertaintyBound, uncertainty_bound
 
 __all__ = [
@@ -19,14 +32,26 @@ __all__ = [
     'DynamicsFit',
     'ExcludedPoint',
     'FrequencyResponse',
+    'HarmonicsChoice',
+    'HarmonicsPrediction',
     'HysteresisFit',
+    'LoopShape',
     'ModelScore',
+    'PiLoop',
+    'PiTuning',
+    'SchemeChoice',
+    'SchemePrediction',
     'UncertaintyBound',
+    'choose_harmonics',
     'compare_hysteresis_models',
+    'equal_error_frequency_hz',
     'fit_dynamics',
     'fit_hysteresis',
     'frequency_response',
+    'loop_shape',
     'merge',
+    'recommend_scheme',
     'run_excitation_offline',
+    'tune_pi',
     'uncertainty_bound',
 ]

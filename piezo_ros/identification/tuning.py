@@ -16,6 +16,7 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.integrate import trapezoid
 from scipy.optimize import minimize_scalar
 from scipy.signal import oaconvolve
 
@@ -243,7 +244,7 @@ def itae(loop: PiLoop, reference_um: _Floats | None, step_s: float, steps: int) 
         stride = 1
         error = oaconvolve(_impulse_response(system, steps), reference_um)[:steps]
     time_s = step_s * stride * np.arange(error.size)
-    return float(np.trapezoid(time_s * np.abs(error), time_s))
+    return float(trapezoid(time_s * np.abs(error), time_s))
 
 
 def _impulse_response(system: StateSpace, steps: int) -> _Floats:

@@ -2,6 +2,7 @@ import control
 import numpy as np
 import pytest
 
+from piezo_ros.identification import FrequencyResponse, fit_dynamics
 from piezo_ros.identification.linear_plant import LinearPlant, bound_magnitude
 from piezo_ros.model import LinearDynamics
 
@@ -41,6 +42,21 @@ def test_transfer_functions_of_python_control_are_models_too():
     np.testing.assert_allclose(
         ours.response(FREQUENCY_HZ), theirs.response(FREQUENCY_HZ), rtol=1e-12)
     assert ours.dc_gain == pytest.approx(LinearDynamics().parameters.dc_gain, rel=1e-12)
+
+
+def test_an_identified_model_is_sampled_with_its_delay_as_it_was_fitted():
+    frequency_hz = np.geomspace(20.0, 5000.0, 60)
+    late = LinearPlant(*LinearDynamics().polynomials, delay_s=2.4 * TS)
+    one = np.ones(frequency_hz.size)
+    fit = fit_dynamics(
+        FrequencyResponse(
+            frequency_hz, late.sampled(TS).response(frequency_hz), 1e-12 * one, one, 0.0 * one,
+            one, 0.0 * one, TS),
+        delay_samples=2.4)
+    assert LinearPlant.of(fit).delay_s == pytest.approx(2.4 * TS)
+    np.testing.assert_allclose(
+        LinearPlant.of(fit).sampled(TS).response(frequency_hz),
+        fit.sampled_response(frequency_hz), rtol=1e-6)
 
 
 def test_a_sampled_transfer_function_is_refused():

@@ -1,0 +1,218 @@
+"""
+What a recorded run would have been with other gains, another compensator, another scheme.
+
+The recorded reference and feedforward drive the loop again, through the stages that the bag's
+parameters describe; what is not replaced gives the recorded bits.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from piezo_ros.bag import BagError, Run
+from piezo_ros.control import ClosedLoopRun, ControllerParameters, TrajectoryParameters
+from piezo_ros.control.trajectory import trajectory_blocks
+from piezo_ros.experiment.replay_loop import run_loop
+from piezo_ros.model import HysteresisParameters, ParameterError, ParameterSet, RigParameters
+
+__all__ = ['ReplayResult', 'replay']
+
+_Set = TypeVar('_Set', bound=ParameterSet)
+_Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class ReplayResult:
+    """
+    A run that was not, beside the one that was.
+
+    Attributes
+    ----------
+    recorded : Run
+        The bag's run.
+    streams : ClosedLoopRun
+        Every stream of the replay; displacement has one sample more than the others.
+    controller : ControllerParameters
+        Gains and scheme of the replay.
+    compensator : HysteresisParameters
+        The hysteresis that its compensator inverts.
+    plant : RigParameters
+        Its rig.
+    overridden : tuple of str
+        What was given instead of taken from the bag.
+    assumed : mapping of str to tuple of str
+        Stage to its parameters that the bag lacks: their defaults were taken.
+    same_samples : mapping of str to int
+        Recorded stream to the number of samples, from the first on, that the same loop without
+        anything overridden gives bit for bit; empty where the bag does not tell all stages. Less
+        than the whole stream, and the replay is of a rig that behaved otherwise.
+
+    """
+
+    recorded: Run
+    streams: ClosedLoopRun
+    controller: ControllerParameters
+    compensator: HysteresisParameters
+    plant: RigParameters
+    overridden: tuple[str, ...]
+    assumed: Mapping[str, tuple[str, ...]]
+    same_samples: Mapping[str, int]
+
+    @property
+    def is_faithful(self) -> bool:
+        """Whether the bag's own stages give the recorded run bit for bit."""
+        return bool(self.same_samples) and all(
+            count >= min(self.recorded.whole(stream)[1].size, _of(self.streams, stream).size)
+            for stream, count in self.same_samples.items())
+
+
+def replay(
+    run: Run,
+    *,
+    controller: ControllerParameters | None = None,
+    compensator: HysteresisParameters | None = None,
+    scheme: str | None = None,
+    plant: RigParameters | None = None,
+) -> ReplayResult:
+    """
+    Simulate a recorded run again, with some of its stages replaced.
+
+    Parameters
+    ----------
+    run : Run
+        The recorded run, from its first sample on.
+    controller : ControllerParameters, optional
+        Other gains; those of the bag by default.
+    compensator : HysteresisParameters, optional
+        Another hysteresis to invert.
+    scheme : str, optional
+        Another scheme, whatever the controller's own.
+    plant : RigParameters, optional
+        The rig; needed where the bag tells of none, as one of a real stage or of another recorder.
+
+    Returns
+    -------
+    ReplayResult
+        The replayed streams, and whether the recorded ones come out when nothing is replaced.
+
+    Raises
+    ------
+    BagError
+        If the bag does not begin with the run, lacks the reference, or tells nothing of a stage
+        that is not given.
+    ParameterError
+        If a parameter of the bag or the scheme is out of range.
+
+    """
+    reference_um = _from_the_start(run, 'reference')
+    given: dict[str, ParameterSet | None] = {
+        'controller': controller, 'compensator': compensator, 'plant': plant}
+    recorded = _Recorded(run)
+    own_controller = recorded.stage('controller', ControllerParameters)
+    own_compensator = recorded.stage('compensator', HysteresisParameters)
+    own_plant = recorded.stage('plant', RigParameters)
+    law = recorded.required('controller', controller or own_controller)
+    inverted = recorded.required('compensator', compensator or own_compensator)
+    rig = recorded.required('plant', plant or own_plant)
+    if scheme is not None:
+        law = law.replaced(scheme=scheme)
+        given['scheme'] = law
+    feedforward_um = _feedforward(run, recorded, reference_um.size, law.uses_feedforward)
+    samples = feedforward_um.size
+    reference_um = reference_um[:samples]
+    period_s = run.sample_period_s
+
+    streams = run_loop(rig, inverted, law, period_s, reference_um, feedforward_um)
+    same: dict[str, int] = {}
+    if own_controller and own_compensator and own_plant:
+        own = streams
+        if (law, inverted, rig) != (own_controller, own_compensator, own_plant):
+            own = run_loop(
+                own_plant, own_compensator, own_controller, period_s, reference_um, feedforward_um)
+        same = {
+            stream: _same_samples(run.whole(stream)[1], _of(own, stream))
+            for stream in run.streams}
+    return ReplayResult(
+        recorded=run, streams=streams, controller=law, compensator=inverted, plant=rig,
+        overridden=tuple(name for name, value in given.items() if value is not None),
+        assumed={
+            stage: names for stage, names in recorded.assumed.items() if given[stage] is None},
+        same_samples=same)
+
+
+class _Recorded:
+    """The stages as the bag's parameters describe them."""
+
+    def __init__(self, run: Run) -> None:
+        self._run = run
+        self.assumed: dict[str, tuple[str, ...]] = {}
+
+    def parameters(self, stage: str) -> dict[str, Any] | None:
+        """Return what the bag tells of a stage in the namespace of the run."""
+        name = f'{self._run.namespace.rstrip("/")}/{stage}'
+        return self._run.parameters.get(name)
+
+    def stage(self, stage: str, kind: type[_Set]) -> _Set | None:
+        """Return a stage, defaults for what the bag lacks; None if it tells nothing of it."""
+        values = self.parameters(stage)
+        if values is None:
+            return None
+        names = [field.name for field in fields(kind)]
+        missing = tuple(name for name in names if name not in values)
+        if len(missing) == len(names):
+            return None
+        if missing:
+            self.assumed[stage] = missing
+        try:
+            return kind.from_mapping({name: values[name] for name in names if name in values})
+        except ParameterError as error:
+            raise ParameterError(f'{self._run.path}: {stage}: {error}') from None
+
+    def required(self, stage: str, value: _Set | None) -> _Set:
+        """Return a stage that there must be."""
+        if value is None:
+            known = ', '.join(sorted(self._run.parameters)) or 'none'
+            raise BagError(
+                f'{self._run.path} tells nothing of the {stage} in the namespace '
+                f'{self._run.namespace} (nodes with parameters: {known}); it must be given')
+        return value
+
+
+def _from_the_start(run: Run, stream: str) -> _Floats:
+    start, samples = run.whole(stream)
+    if start != 0:
+        raise BagError(
+            f'{run.path} begins at sample {start} of the stream {stream!r}: the state of the rig '
+            'before it is not known, only a run from sample 0 can be replayed')
+    return samples
+
+
+def _feedforward(run: Run, recorded: _Recorded, samples: int, needed: bool) -> _Floats:
+    """Return the recorded feedforward, else the one the bag's trajectory would have sent."""
+    if 'feedforward' in run.streams:
+        return _from_the_start(run, 'feedforward')[:samples]
+    trajectory = recorded.stage('trajectory', TrajectoryParameters)
+    if trajectory is not None:
+        return np.array(trajectory_blocks(trajectory, compiled=True)(0, samples)[1])
+    if needed:
+        raise BagError(
+            f'{run.path} has no stream feedforward, which the scheme needs, and tells nothing of '
+            f'the trajectory in the namespace {run.namespace}')
+    return np.zeros(samples)
+
+
+def _of(streams: ClosedLoopRun, stream: str) -> _Floats:
+    values: _Floats = next(
+        getattr(streams, name) for name in streams._fields if name.rpartition('_')[0] == stream)
+    return values
+
+
+def _same_samples(recorded: _Floats, again: _Floats) -> int:
+    """Return how many samples from the first on are the same bits."""
+    count = min(recorded.size, again.size)
+    differs = np.flatnonzero(
+        recorded[:count].view(np.uint64) != np.ascontiguousarray(again[:count]).view(np.uint64))
+    return int(differs[0]) if differs.size else count

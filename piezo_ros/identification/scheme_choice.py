@@ -1,0 +1,200 @@
+"""
+Which scheme to use at an operating point: the feedback-acceptable condition, (18) in Liu 2015.
+
+Where |S| < 1 feedback lessens the error that the feedforward leaves, E_fbff = E_ff S, (14), (15);
+above it feedforward alone is better. A scan has many frequencies: its harmonics decide together.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from piezo_ros.control import ControllerParameters, TrajectoryParameters
+from piezo_ros.identification.linear_plant import Bound, Model
+from piezo_ros.identification.loop_shape import LoopShape, loop_shape
+from piezo_ros.identification.tracking_prediction import (
+    SimulatedTracking,
+    SpectralTracking,
+    simulated_tracking,
+    spectral_tracking,
+)
+from piezo_ros.model import HysteresisParameters, LinearDynamics, RigParameters
+
+__all__ = [
+    'CANDIDATES',
+    'SchemeChoice',
+    'SchemePrediction',
+    'equal_error_frequency_hz',
+    'recommend_scheme',
+]
+
+CANDIDATES: Final = ('ff', 'fbff', 'fb')
+
+
+@dataclass(frozen=True)
+class SchemePrediction:
+    """
+    What to expect of one scheme.
+
+    Attributes
+    ----------
+    spectral : SpectralTracking
+        The errors harmonic by harmonic, (14) and (15) in Liu 2015.
+    simulated : SimulatedTracking or None
+        The run on the known rig; None without one.
+
+    """
+
+    spectral: SpectralTracking
+    simulated: SimulatedTracking | None
+
+    @property
+    def nrmse_percent(self) -> float:
+        """Expected NRMSE, percent of the peak-to-peak reference."""
+        if self.simulated is None:
+            return self.spectral.nrmse_percent
+        return math.hypot(self.simulated.nrmse_percent, self.spectral.uncertainty_percent)
+
+
+@dataclass(frozen=True)
+class SchemeChoice:
+    """
+    The recommended scheme and what it rests on.
+
+    Attributes
+    ----------
+    scheme : str
+        ``'ff'``, ``'fbff'`` or ``'fb'``: the one of least predicted error.
+    predictions : mapping of str to SchemePrediction
+        Every candidate.
+    loop : LoopShape
+        The feedback loop.
+
+    """
+
+    scheme: str
+    predictions: Mapping[str, SchemePrediction]
+    loop: LoopShape
+
+    @property
+    def predicted_nrmse_percent(self) -> dict[str, float]:
+        """Expected NRMSE of every candidate, percent of the peak-to-peak reference."""
+        return {name: one.nrmse_percent for name, one in self.predictions.items()}
+
+    @property
+    def feedback_acceptable_frequency_hz(self) -> float:
+        """Where |S| = 1: the highest frequency of a sine at which feedback helps, (18)."""
+        return self.loop.feedback_acceptable_frequency_hz
+
+
+def recommend_scheme(
+    model: Model | RigParameters,
+    trajectory: TrajectoryParameters,
+    controller: ControllerParameters,
+    *,
+    compensator: HysteresisParameters | None = None,
+    uncertainty: Bound | None = None,
+    score_periods: float = 4.0,
+) -> SchemeChoice:
+    """
+    Return the scheme that is predicted to track best.
+
+    Parameters
+    ----------
+    model : LinearDynamics, DynamicsFit, control.TransferFunction or RigParameters
+        What is known best of the compensated actuator. A rig (identified dynamics and hysteresis,
+        the amplifier's slew limit and rails) is simulated too, which shows where the amplifier
+        cannot follow.
+    trajectory : TrajectoryParameters
+        The operating point: waveform, amplitude, frequency; and the feedforward.
+    controller : ControllerParameters
+        The gains; its own scheme does not matter.
+    compensator : HysteresisParameters, optional
+        The hysteresis that is inverted; that of the rig by default.
+    uncertainty : UncertaintyBound, control.TransferFunction or callable, optional
+        W(s), or a measured |Delta| as a function of the frequency in hertz.
+    score_periods : float, optional
+        Periods at the end of the simulated runs that are scored.
+
+    Returns
+    -------
+    SchemeChoice
+        The scheme and the predicted errors. An unstable loop is never recommended.
+
+    Raises
+    ------
+    ParameterError
+        If the waveform has no Fourier series.
+    ValueError
+        If both gains are 0, or the run is shorter than what is scored.
+
+    """
+    rig: RigParameters | None = None
+    linear: Model
+    if isinstance(model, RigParameters):
+        rig, linear = model, LinearDynamics(model.true_dynamics)
+    else:
+        linear = model
+    shape = loop_shape(
+        linear, controller.proportional_gain, controller.integral_gain_per_s,
+        sample_period_s=trajectory.sample_period_s,
+        measurement_delay_samples=controller.measurement_delay_samples)
+    predictions = {}
+    for scheme in CANDIDATES if shape.stable else ('ff',):
+        law = controller.replaced(scheme=scheme)
+        predictions[scheme] = SchemePrediction(
+            spectral_tracking(linear, trajectory, law, uncertainty=uncertainty),
+            None if rig is None else simulated_tracking(
+                rig, trajectory, law, compensator=compensator, score_periods=score_periods))
+    return SchemeChoice(
+        min(predictions, key=lambda name: predictions[name].nrmse_percent), predictions, shape)
+
+
+def equal_error_frequency_hz(
+    model: Model | RigParameters,
+    trajectory: TrajectoryParameters,
+    controller: ControllerParameters,
+    frequency_hz: ArrayLike,
+    *,
+    compensator: HysteresisParameters | None = None,
+    uncertainty: Bound | None = None,
+) -> float:
+    """
+    Return the frequency of the scan at which FF and FBFF are predicted to do equally well.
+
+    Parameters
+    ----------
+    model, controller, compensator, uncertainty
+        As for `recommend_scheme`.
+    trajectory : TrajectoryParameters
+        Waveform and amplitude; its own frequency does not matter.
+    frequency_hz : array_like, shape (N,)
+        Frequencies to look at, ascending, hertz.
+
+    Returns
+    -------
+    float
+        Interpolated between two of them; the first where feedback does not help even there,
+        infinite where it helps at all of them, 0 where the loop is not stable. Table 3 in Liu 2015
+        has it for sines of five amplitudes.
+
+    """
+    below: tuple[float, float] | None = None
+    for frequency in map(float, np.asarray(frequency_hz, dtype=np.float64)):
+        predicted = recommend_scheme(
+            model, trajectory.replaced(frequency_hz=frequency), controller,
+            compensator=compensator, uncertainty=uncertainty).predicted_nrmse_percent
+        if 'fbff' not in predicted:
+            return 0.0
+        excess = math.log(predicted['fbff'] / predicted['ff'])
+        if excess >= 0.0:
+            if below is None:
+                return frequency
+            share = below[1] / (below[1] - excess)
+            return below[0] + share * (frequency - below[0])
+        below = frequency, excess
+    return math.inf

@@ -1,0 +1,189 @@
+import numpy as np
+import pytest
+import yaml
+
+from piezo_ros.bag import BagError, BagWriter, read
+from piezo_ros.control import ControllerParameters, simulate
+from piezo_ros.experiment.offline import simulate_run
+from piezo_ros.experiment.plan import read_plan
+from piezo_ros.experiment.provenance import parameters_yaml
+from piezo_ros.experiment.replay import replay
+from piezo_ros.model import HysteresisParameters, ParameterError, RigParameters
+
+STREAMS = ('reference_um', 'feedforward_um', 'command_um', 'voltage_v', 'displacement_um')
+OTHER_HYSTERESIS = HysteresisParameters(kappa_um_per_v=(3.0, 1.3), saturation_v=(0.1,))
+
+
+@pytest.fixture
+def planned(write_plan):
+    return read_plan(write_plan(runs=[{
+        'scheme': 'fbff', 'amplitude_um': 2.5, 'frequency_hz': 700.0, 'periods': 5,
+        'controller': {'measurement_delay_samples': 2}, 'plant': {'seed': 7}}])).runs[0]
+
+
+@pytest.fixture
+def recorded(planned, tmp_path):
+    simulate_run(planned, tmp_path / 'bag')
+    return read(tmp_path / 'bag')
+
+
+def write_bag(path, streams, parameters, *, start=0, namespace='/'):
+    prefix = namespace.rstrip('/')
+    topics = {stream: f'{prefix}/{stream}' for stream in streams}
+    with BagWriter(path, topics=topics) as writer:
+        if parameters is not None:
+            writer.attach_parameters(parameters_yaml(namespace, parameters))
+        for stream, values in streams.items():
+            writer.write_block(stream, start, 1e-5, values)
+            writer.write_block(stream, start + len(values), 1e-5, [])
+    return read(path)
+
+
+def streams_of(run):
+    return {stream: run.whole(stream)[1] for stream in run.streams}
+
+
+def test_with_nothing_replaced_the_recorded_bits_come_out(recorded):
+    result = replay(recorded)
+    for stream, again in zip(recorded.streams, result.streams, strict=True):
+        assert recorded.whole(stream)[1].tobytes() == again.tobytes(), stream
+    assert result.is_faithful
+    assert result.overridden == ()
+    assert result.assumed == {}
+
+
+def test_other_gains_give_what_a_run_with_them_gives(recorded, planned):
+    gains = planned.controller.replaced(proportional_gain=0.1, integral_gain_per_s=1000.0)
+    result = replay(recorded, controller=gains)
+    expected = simulate(planned.plant, planned.compensator, gains, planned.trajectory)
+    for name in STREAMS:
+        np.testing.assert_array_equal(getattr(result.streams, name), getattr(expected, name))
+    assert result.overridden == ('controller',)
+    assert result.is_faithful  # the bag's own loop is checked beside it
+    assert not np.array_equal(result.streams.voltage_v, recorded.voltage_v)
+
+
+@pytest.mark.parametrize('scheme', ['fb', 'ff', 'open_loop'])
+def test_another_scheme_gives_what_a_run_with_it_gives(recorded, planned, scheme):
+    result = replay(recorded, scheme=scheme)
+    expected = simulate(
+        planned.plant, planned.compensator, planned.controller.replaced(scheme=scheme),
+        planned.trajectory)
+    np.testing.assert_array_equal(result.streams.displacement_um, expected.displacement_um)
+    assert result.controller.scheme == scheme
+    assert result.controller.measurement_delay_samples == 2
+    assert result.overridden == ('scheme',)
+
+
+def test_another_compensator_and_another_plant_take_their_place(recorded, planned):
+    slow = planned.plant.replaced(slew_limit_v_per_s=5000.0)
+    result = replay(recorded, compensator=OTHER_HYSTERESIS, plant=slow)
+    expected = simulate(slow, OTHER_HYSTERESIS, planned.controller, planned.trajectory)
+    np.testing.assert_array_equal(result.streams.voltage_v, expected.voltage_v)
+    np.testing.assert_array_equal(result.streams.displacement_um, expected.displacement_um)
+    assert result.overridden == ('compensator', 'plant')
+
+
+def test_a_rig_that_behaved_otherwise_is_not_faithful(recorded, planned, tmp_path):
+    streams = streams_of(recorded)
+    streams['displacement'] = streams['displacement'].copy()
+    streams['displacement'][400] = np.nextafter(streams['displacement'][400], 1.0)
+    result = replay(write_bag(tmp_path / 'other', streams, planned.parameters))
+    assert not result.is_faithful
+    assert result.same_samples['displacement'] == 400
+    assert result.same_samples['voltage'] == streams['voltage'].size
+
+
+def test_a_cut_off_run_is_replayed_as_far_as_it_goes(recorded, planned, tmp_path):
+    streams = {stream: values[:300] for stream, values in streams_of(recorded).items()}
+    result = replay(write_bag(tmp_path / 'short', streams, planned.parameters))
+    assert result.streams.voltage_v.size == 300
+    assert result.is_faithful
+
+
+def test_the_stages_are_those_of_the_namespace_of_the_run(recorded, planned, tmp_path):
+    run = write_bag(
+        tmp_path / 'left', streams_of(recorded), planned.parameters, namespace='/left')
+    assert replay(run).is_faithful
+    run.parameters.update({
+        f'/right/{node}': values for node, values in list(run.parameters.items())})
+    for name in [name for name in run.parameters if name.startswith('/left/')]:
+        del run.parameters[name]
+    with pytest.raises(BagError, match='tells nothing of the controller in the namespace /left'):
+        replay(run)
+
+
+def test_a_missing_feedforward_is_made_from_the_trajectory(recorded, planned, tmp_path):
+    streams = streams_of(recorded)
+    del streams['feedforward']
+    run = write_bag(tmp_path / 'without', streams, planned.parameters)
+    assert replay(run).is_faithful
+    del run.parameters['/trajectory']
+    with pytest.raises(BagError, match='no stream feedforward, which the scheme needs'):
+        replay(run)
+    assert replay(run, scheme='fb').streams.feedforward_um.tolist() == [0.0] * recorded.samples
+
+
+def test_a_foreign_bag_needs_every_stage(recorded, planned, tmp_path):
+    run = write_bag(tmp_path / 'foreign', streams_of(recorded), None)
+    with pytest.raises(BagError, match=r'nothing of the controller .* \(nodes with parameters: no'):
+        replay(run)
+    with pytest.raises(BagError, match='nothing of the compensator'):
+        replay(run, controller=ControllerParameters())
+    with pytest.raises(BagError, match='nothing of the plant'):
+        replay(run, controller=ControllerParameters(), compensator=HysteresisParameters())
+    result = replay(
+        run, controller=planned.controller, compensator=planned.compensator, plant=planned.plant)
+    np.testing.assert_array_equal(
+        result.streams.displacement_um, recorded.whole('displacement')[1])
+    # Nothing is known of what was recorded, so nothing is claimed.
+    assert not result.is_faithful
+    assert result.same_samples == {}
+
+
+def test_a_real_stage_needs_a_plant_only(recorded, planned, tmp_path):
+    parameters = {**planned.parameters, 'plant': {'card': 'Dev1', 'channel': 3}}
+    run = write_bag(tmp_path / 'real', streams_of(recorded), parameters)
+    with pytest.raises(BagError, match='nothing of the plant'):
+        replay(run)
+    assert replay(run, plant=RigParameters()).overridden == ('plant',)
+
+
+def test_parameters_that_the_bag_lacks_are_named(recorded, planned, tmp_path):
+    controller = dict(planned.parameters['controller'])
+    del controller['anti_windup']
+    run = write_bag(
+        tmp_path / 'older', streams_of(recorded),
+        {**planned.parameters, 'controller': controller})
+    assert replay(run).assumed == {'controller': ('anti_windup',)}
+    assert replay(run, controller=ControllerParameters()).assumed == {}
+
+
+def test_a_run_that_begins_later_is_refused(recorded, planned, tmp_path):
+    run = write_bag(
+        tmp_path / 'late', streams_of(recorded), planned.parameters, start=1000)
+    with pytest.raises(BagError, match="begins at sample 1000 of the stream 'reference'"):
+        replay(run)
+
+
+def test_a_run_without_reference_is_refused(recorded, planned, tmp_path):
+    streams = {name: streams_of(recorded)[name] for name in ('voltage', 'displacement')}
+    with pytest.raises(BagError, match="no samples of the stream 'reference'"):
+        replay(write_bag(tmp_path / 'bare', streams, planned.parameters))
+
+
+def test_a_value_out_of_range_is_told_with_bag_and_stage(recorded):
+    recorded.parameters['/controller']['proportional_gain'] = -1.0
+    with pytest.raises(ParameterError, match='bag: controller: proportional_gain is -1'):
+        replay(recorded)
+
+
+def test_a_scheme_that_does_not_exist_is_refused(recorded):
+    with pytest.raises(ParameterError, match="scheme is 'pid'"):
+        replay(recorded, scheme='pid')
+
+
+def test_the_parameters_of_the_bag_are_read_as_yaml_writes_them(recorded):
+    # What numpy or a list makes of numbers must not change a bit on the way through the bag.
+    text = yaml.safe_dump(recorded.parameters)
+    assert yaml.safe_load(text) == recorded.parameters
