@@ -72,10 +72,10 @@ class ReplayResult:
 def replay(
     run: Run,
     *,
-    controller: ControllerParameters | None = None,
-    compensator: HysteresisParameters | None = None,
+    controller: ControllerParameters | Mapping[str, Any] | None = None,
+    compensator: HysteresisParameters | Mapping[str, Any] | None = None,
     scheme: str | None = None,
-    plant: RigParameters | None = None,
+    plant: RigParameters | Mapping[str, Any] | None = None,
 ) -> ReplayResult:
     """
     Simulate a recorded run again, with some of its stages replaced.
@@ -84,13 +84,14 @@ def replay(
     ----------
     run : Run
         The recorded run, from its first sample on.
-    controller : ControllerParameters, optional
-        Other gains; those of the bag by default.
-    compensator : HysteresisParameters, optional
+    controller : ControllerParameters or mapping, optional
+        Other gains; those of the bag by default. A mapping replaces the parameters it names and
+        leaves the others as recorded, as a file of tuned gains means it.
+    compensator : HysteresisParameters or mapping, optional
         Another hysteresis to invert.
     scheme : str, optional
         Another scheme, whatever the controller's own.
-    plant : RigParameters, optional
+    plant : RigParameters or mapping, optional
         The rig; needed where the bag tells of none, as one of a real stage or of another recorder.
 
     Returns
@@ -108,15 +109,17 @@ def replay(
 
     """
     reference_um = _from_the_start(run, 'reference')
-    given: dict[str, ParameterSet | None] = {
+    given: dict[str, object] = {
         'controller': controller, 'compensator': compensator, 'plant': plant}
     recorded = _Recorded(run)
     own_controller = recorded.stage('controller', ControllerParameters)
     own_compensator = recorded.stage('compensator', HysteresisParameters)
     own_plant = recorded.stage('plant', RigParameters)
-    law = recorded.required('controller', controller or own_controller)
-    inverted = recorded.required('compensator', compensator or own_compensator)
-    rig = recorded.required('plant', plant or own_plant)
+    law = recorded.required(
+        'controller', _replaced(own_controller, controller, ControllerParameters))
+    inverted = recorded.required(
+        'compensator', _replaced(own_compensator, compensator, HysteresisParameters))
+    rig = recorded.required('plant', _replaced(own_plant, plant, RigParameters))
     if scheme is not None:
         law = law.replaced(scheme=scheme)
         given['scheme'] = law
@@ -139,7 +142,8 @@ def replay(
         recorded=run, streams=streams, controller=law, compensator=inverted, plant=rig,
         overridden=tuple(name for name, value in given.items() if value is not None),
         assumed={
-            stage: names for stage, names in recorded.assumed.items() if given[stage] is None},
+            stage: names for stage, names in recorded.assumed.items()
+            if not isinstance(given[stage], ParameterSet)},
         same_samples=same)
 
 
@@ -179,6 +183,17 @@ class _Recorded:
                 f'{self._run.path} tells nothing of the {stage} in the namespace '
                 f'{self._run.namespace} (nodes with parameters: {known}); it must be given')
         return value
+
+
+def _replaced(
+    own: _Set | None, given: _Set | Mapping[str, Any] | None, kind: type[_Set],
+) -> _Set | None:
+    """Return a stage with what was given instead of its own."""
+    if given is None:
+        return own
+    if isinstance(given, Mapping):
+        return own.replaced(**given) if own is not None else kind.from_mapping(given)
+    return given
 
 
 def _from_the_start(run: Run, stream: str) -> _Floats:

@@ -63,6 +63,15 @@ def test_other_gains_give_what_a_run_with_them_gives(recorded, planned):
     assert not np.array_equal(result.streams.voltage_v, recorded.voltage_v)
 
 
+def test_a_mapping_leaves_what_it_does_not_name_as_recorded(recorded, planned):
+    tuned = {'proportional_gain': 0.1, 'integral_gain_per_s': 1000.0}
+    result = replay(recorded, controller=tuned, plant={'slew_limit_v_per_s': 0.0})
+    assert result.controller == planned.controller.replaced(**tuned)
+    assert result.controller.measurement_delay_samples == 2  # the default is 1
+    assert result.plant == planned.plant.replaced(slew_limit_v_per_s=0.0)
+    assert result.overridden == ('controller', 'plant')
+
+
 @pytest.mark.parametrize('scheme', ['fb', 'ff', 'open_loop'])
 def test_another_scheme_gives_what_a_run_with_it_gives(recorded, planned, scheme):
     result = replay(recorded, scheme=scheme)
