@@ -11,6 +11,7 @@ import yaml
 
 from piezo_ros.bag import BagError, Run, read
 from piezo_ros.experiment.errors import PlanError
+from piezo_ros.experiment.model_file import BOUND_KIND, FORMAT_VERSION, read_node_model
 from piezo_ros.model import DynamicsParameters, LinearDynamics, ParameterError
 
 __all__ = ['add_command']
@@ -141,7 +142,7 @@ def _uncertainty(options: argparse.Namespace, runs: list[Run]) -> str:
     import numpy as np
 
     from piezo_ros.identification import uncertainty_bound
-    model = _model(options.model)
+    model = LinearDynamics(read_node_model(options.model, 'trajectory', DynamicsParameters))
     period_s = runs[0].sample_period_s
     bound = uncertainty_bound(
         _responses(options, runs),
@@ -154,13 +155,5 @@ def _uncertainty(options: argparse.Namespace, runs: list[Run]) -> str:
         np.atleast_1d(part[0][0]).tolist()
         for part in (bound.transfer_function.num, bound.transfer_function.den))
     return yaml.safe_dump({
-        'format_version': 1, 'kind': 'uncertainty_bound', 'source': _source(runs),
+        'format_version': FORMAT_VERSION, 'kind': BOUND_KIND, 'source': _source(runs),
         'numerator': numerator, 'denominator': denominator}, sort_keys=False)
-
-
-def _model(path: Path) -> LinearDynamics:
-    from piezo_ros.experiment.parameter_file import read_parameter_file
-    values = read_parameter_file(path, ['trajectory']).get('trajectory', {})
-    names = DynamicsParameters().to_mapping()
-    return LinearDynamics(DynamicsParameters.from_mapping(
-        {name: value for name, value in values.items() if name in names}))

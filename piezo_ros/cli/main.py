@@ -4,7 +4,7 @@ import argparse
 import sys
 from collections.abc import Sequence
 
-from piezo_ros.cli import bag, bench, calibrate, identify, report, run
+from piezo_ros.cli import bag, bench, calibrate, identify, replay, report, run, tune
 
 __all__ = ['main']
 
@@ -31,6 +31,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     commands = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
     run.add_commands(commands)
     identify.add_command(commands)
+    tune.add_command(commands)
+    replay.add_command(commands)
     report.add_command(commands)
     bag.add_command(commands)
     calibrate.add_command(commands)

@@ -73,7 +73,8 @@ def fourier_amplitudes(
 
 
 def feedforward_constants(
-    waveform: WaveformParameters, harmonics: int, model: LinearDynamics,
+    waveform: WaveformParameters, harmonics: int, model: LinearDynamics, *,
+    sampled: bool = False,
 ) -> FeedforwardConstants:
     """
     Return the constants of the feedforward, as lists.
@@ -86,6 +87,9 @@ def feedforward_constants(
         Highest harmonic m of the feedforward; 0: the reference over the model's dc gain.
     model : LinearDynamics
         The model that is inverted.
+    sampled : bool, optional
+        Whether to invert its response behind the zero-order hold of the D/A converter in place of
+        the continuous one of the paper.
 
     Raises
     ------
@@ -105,7 +109,11 @@ def feedforward_constants(
             f'harmonics is {harmonics}: harmonic {odd[-1]} of {waveform.frequency_hz:g} Hz is at '
             f'{highest_hz:g} Hz, it must be below the Nyquist frequency {nyquist_hz:g} Hz')
     amplitudes = fourier_amplitudes(waveform.waveform, waveform.amplitude_um, harmonics)
-    u = amplitudes[odd - 1] / model.response(odd * waveform.frequency_hz)
+    frequency_hz = odd * waveform.frequency_hz
+    if sampled:
+        u = amplitudes[odd - 1] / model.sampled_response(frequency_hz, waveform.sample_period_s)
+    else:
+        u = amplitudes[odd - 1] / model.response(frequency_hz)
     return FeedforwardConstants(u.real.tolist(), u.imag.tolist(), dc_inverse)
 
 

@@ -43,10 +43,15 @@ class TrajectoryParameters(WaveformParameters, DynamicsParameters):
         9, '', 'highest harmonic m of the feedforward (13); 0: the reference over the dc gain',
         minimum=0, maximum=9999)
 
+    model_response: str = parameter(
+        'continuous', '', 'which response of the model the feedforward inverts: the continuous one '
+        'of the paper, or the sampled one, behind the zero-order hold',
+        choices=('continuous', 'sampled'))
+
     def check_together(self) -> None:
         """Refuse harmonics that the waveform or the sampling does not have."""
         super().check_together()
-        feedforward_constants(self, self.harmonics, LinearDynamics(self))
+        _feedforward(self)
 
 
 class TrajectoryConstants(NamedTuple):
@@ -57,6 +62,12 @@ class TrajectoryConstants(NamedTuple):
     table: Any  # (samples,) of a stepped sine or multisine, else empty
 
 
+def _feedforward(parameters: TrajectoryParameters) -> FeedforwardConstants:
+    return feedforward_constants(
+        parameters, parameters.harmonics, LinearDynamics(parameters),
+        sampled=parameters.model_response == 'sampled')
+
+
 def trajectory_constants(parameters: TrajectoryParameters) -> TrajectoryConstants:
     """Return the constants of the step as lists."""
     table: list[float] = []
@@ -64,7 +75,7 @@ def trajectory_constants(parameters: TrajectoryParameters) -> TrajectoryConstant
         table = excitation_of(parameters).command.tolist()
     return TrajectoryConstants(
         waveform_constants(parameters),
-        feedforward_constants(parameters, parameters.harmonics, LinearDynamics(parameters)),
+        _feedforward(parameters),
         table)
 
 

@@ -1,0 +1,110 @@
+"""``piezo tune``: PI gains for an identified model, margins beside those of the published ones."""
+
+import argparse
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from piezo_ros import paper
+from piezo_ros.experiment.errors import PlanError
+from piezo_ros.experiment.model_file import read_bound, read_node_model
+from piezo_ros.model import DynamicsParameters, LinearDynamics
+
+if TYPE_CHECKING:
+    from piezo_ros.identification.loop_shape import LoopShape
+
+__all__ = ['add_command']
+
+_EXAMPLES = """\
+examples:
+  piezo tune config/trajectory.yaml -o controller.yaml
+  piezo tune model.yaml --bound bound.yaml --max-sensitivity 1.5 -o controller.yaml
+"""
+_ROWS = (
+    ('kP', 'proportional_gain', ''),
+    ('kI', 'integral_gain_per_s', '1/s'),
+    ('gain margin', 'gain_margin', ''),
+    ('phase margin', 'phase_margin_deg', 'deg'),
+    ('delay margin', 'delay_margin_s', 's'),
+    ('bandwidth', 'bandwidth_hz', 'Hz'),
+    ('feedback acceptable below', 'feedback_acceptable_frequency_hz', 'Hz'),
+    ('max |S|', 'max_sensitivity', ''),
+    ('max |W T|', 'weighted_peak', ''),
+)
+
+
+def add_command(commands: Any) -> None:
+    """Add the command to the parser."""
+    parser = commands.add_parser(
+        'tune', help='PI gains for a model', epilog=_EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument(
+        'model', type=Path, metavar='MODEL', help='what identify dynamics wrote')
+    parser.add_argument(
+        '-o', '--output', type=Path, required=True, metavar='FILE',
+        help='parameter file of the controller to write')
+    parser.add_argument('--force', action='store_true', help='replace the file')
+    parser.add_argument(
+        '--bound', type=Path, metavar='FILE',
+        help='what identify uncertainty wrote (default: (19) of the paper)')
+    parser.add_argument(
+        '--objective', choices=('itae_step', 'itae_scan'), default='itae_step',
+        help='ITAE of a unit step or of a 300 Hz triangle (default: itae_step)')
+    parser.add_argument(
+        '--max-sensitivity', type=float, default=2.0, metavar='M', help='limit on |S| (default: 2)')
+    parser.add_argument(
+        '--uncertainty-limit', type=float, default=1.0, metavar='L',
+        help='limit on |W T| (default: 1)')
+    parser.add_argument(
+        '--measurement-delay-samples', type=int, default=1, metavar='D', help='(default: 1)')
+    parser.add_argument(
+        '--sample-period-s', type=float, default=1e-5, metavar='TS', help='(default: 1e-5)')
+    parser.set_defaults(function=_tune)
+
+
+def _tune(options: argparse.Namespace) -> int:
+    import control
+
+    from piezo_ros.identification.loop_shape import loop_shape
+    from piezo_ros.identification.tuning import tune_pi
+    if options.output.exists() and not options.force:
+        print(f'piezo: {options.output} exists; --force replaces it', file=sys.stderr)
+        return 2
+    try:
+        model = LinearDynamics(read_node_model(options.model, 'trajectory', DynamicsParameters))
+        if options.bound:
+            bound = read_bound(options.bound)
+        else:
+            w = paper.UNCERTAINTY_BOUND
+            bound = control.zpk(
+                [-w['zero_rad_per_s']] * 2, [-w['pole_1_rad_per_s'], -w['pole_2_rad_per_s']],
+                w['gain'])
+        tuning = tune_pi(
+            model, bound=bound, objective=options.objective,
+            max_sensitivity=options.max_sensitivity,
+            uncertainty_limit=options.uncertainty_limit,
+            measurement_delay_samples=options.measurement_delay_samples,
+            sample_period_s=options.sample_period_s)
+        published = loop_shape(
+            model, paper.TABLE_2['proportional_gain'], paper.TABLE_2['integral_gain_per_s'],
+            sample_period_s=options.sample_period_s,
+            measurement_delay_samples=options.measurement_delay_samples, bound=bound)
+        options.output.write_text(
+            tuning.to_parameter_yaml(source=str(options.model)), encoding='utf-8')
+    except (PlanError, ValueError, OSError) as error:
+        print(f'piezo: {error}', file=sys.stderr)
+        return 1
+    print(_table({'start': tuning.before, 'tuned': tuning.after, 'Table 2': published}))
+    print(f'active limits: {", ".join(tuning.active_limits) or "none"}')
+    print(f'gains: {options.output}')
+    return 0
+
+
+def _table(shapes: 'dict[str, LoopShape]') -> str:
+    lines = [f'{"":28}' + ''.join(f'{name:>12}' for name in shapes)]
+    records = [shape.record() for shape in shapes.values()]
+    for title, key, unit in _ROWS:
+        values = ''.join(
+            f'{"–":>12}' if record[key] is None else f'{record[key]:12.5g}' for record in records)
+        lines.append(f'{title:28}{values} {unit}'.rstrip())
+    return '\n'.join(lines)
