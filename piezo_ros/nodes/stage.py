@@ -219,6 +219,11 @@ class Stage(LifecycleNode):
         if now_s >= self._next_report:
             self._report('active')
 
+    def begin_at(self, index: int) -> None:
+        """Give the outputs the index that an input has begun at (``start_index`` -1)."""
+        for writer in self.writers.values():
+            writer.begin_at(index)
+
     def between_samples(self, action: Callable[[], None]) -> None:
         """Let the stream loop run an action between two samples, and wait for it."""
         if threading.get_ident() == self._thread:

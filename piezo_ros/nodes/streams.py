@@ -59,6 +59,11 @@ class StreamWriter:
         self.sent = 0
         self._ended = False
 
+    def begin_at(self, index: int) -> None:
+        """Begin at another index, unless something is sent already."""
+        if not self.sent:
+            self._next = index
+
     def publish_one(self, value: float) -> None:
         """Publish the next sample."""
         self._publish(self._encode_one(self._next, self._period_s, value))
@@ -249,7 +254,8 @@ class StreamReader:
     def _accept_other(self, index: int, period_s: float) -> bool:
         """Decide on a block that is not simply the next one."""
         topic = self.subscription.topic_name
-        if self.ended or (index < self.next_index and not self._any_start):
+        first = self._any_start and not self.received
+        if self.ended or (index < self.next_index and not first):
             self._refuse(
                 f'sample {index} comes after '
                 f'{"the end" if self.ended else f"sample {self.next_index - 1}"}')
@@ -259,9 +265,9 @@ class StreamReader:
         if period_s != self._period_s:
             raise StreamFault(
                 f'{topic} has the sample period {period_s!r} s, expected {self._period_s!r} s')
-        if self._any_start:
-            self._any_start = False
+        if first:
             self.next_index = index
+            self._stage.begin_at(index)
         if index != self.next_index:
             raise StreamFault(
                 f'{topic} lacks the samples {self.next_index} … {index - 1}')
