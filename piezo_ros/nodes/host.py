@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from types import FrameType
 
 import rclpy
+from rclpy.exceptions import ParameterException
 from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.signals import SignalHandlerOptions
 
@@ -59,9 +60,14 @@ def host(make_stages: Callable[[], Sequence[Stage]], arguments: list[str] | None
     signal.signal(signal.SIGINT, stop)
     signal.signal(signal.SIGTERM, stop)
     set_middleware_defaults()
-    rclpy.init(
-        args=sys.argv if arguments is None else arguments,
-        signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        rclpy.init(
+            args=sys.argv if arguments is None else arguments,
+            signal_handler_options=SignalHandlerOptions.NO)
+    except RuntimeError as error:
+        # No such parameter file, or arguments that ROS does not understand.
+        print(error, file=sys.stderr)
+        return 1
     try:
         return _serve(make_stages, stop)
     finally:
@@ -71,7 +77,12 @@ def host(make_stages: Callable[[], Sequence[Stage]], arguments: list[str] | None
 def _serve(make_stages: Callable[[], Sequence[Stage]], stop: _Stop) -> int:
     from rclpy.experimental import EventsExecutor
     executor = EventsExecutor()
-    stages = list(make_stages())
+    try:
+        stages = list(make_stages())
+    except ParameterException as error:
+        # Names the parameter, its value and the range.
+        print(error, file=sys.stderr)
+        return 1
     stop.stages = stages
     for stage in stages:
         executor.add_node(stage)
