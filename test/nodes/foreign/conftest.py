@@ -1,0 +1,133 @@
+"""A peer that is no node of this project: plain rclpy, typed messages."""
+
+import collections
+import json
+
+import pytest
+import rclpy
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState, GetState
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.signals import SignalHandlerOptions
+from std_msgs.msg import Float64MultiArray, MultiArrayDimension, String
+
+UNITS = {
+    'reference': 'um', 'feedforward': 'um', 'command': 'um', 'voltage': 'v', 'displacement': 'um'}
+PERIOD_S = 1e-5
+
+
+def typed_block(stream, index, samples, period_s=PERIOD_S):
+    """Return a block as any user would write it."""
+    message = Float64MultiArray()
+    message.layout.dim = [MultiArrayDimension(
+        label=f'{stream}_{UNITS[stream]}', size=len(samples), stride=len(samples))]
+    message.layout.data_offset = 2
+    message.data = [float(index), period_s, *(float(sample) for sample in samples)]
+    return message
+
+
+class Peer:
+    """A foreign node in the domain and namespace of a rig."""
+
+    def __init__(self, rig, until):
+        self._context = Context()
+        rclpy.init(
+            args=[], context=self._context, domain_id=rig.domain,
+            signal_handler_options=SignalHandlerOptions.NO)
+        self.node = rclpy.create_node('foreign', namespace=rig.namespace, context=self._context)
+        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(self.node)
+        self._until = until
+        self._status = {}
+        self.reports = collections.Counter()  # statuses of each node so far
+        self.received = {}
+        self.node.create_subscription(
+            String, 'status', self._take_status, QoSProfile(
+                depth=100, reliability=ReliabilityPolicy.RELIABLE,
+                durability=DurabilityPolicy.TRANSIENT_LOCAL))
+
+    def _take_status(self, message):
+        status = json.loads(message.data)
+        self._status[status['node']] = status
+        self.reports[status['node']] += 1
+
+    def writer(self, stream):
+        return self.node.create_publisher(
+            Float64MultiArray, stream, QoSProfile(
+                depth=1000, reliability=ReliabilityPolicy.RELIABLE))
+
+    def read(self, stream):
+        """Collect the messages of a stream from now on."""
+        messages = self.received.setdefault(stream, [])
+        self.node.create_subscription(
+            Float64MultiArray, stream, messages.append, QoSProfile(
+                depth=1000, reliability=ReliabilityPolicy.RELIABLE))
+        return messages
+
+    def wait(self, condition, what):
+        """Serve this node until a condition holds."""
+        def turn():
+            self._executor.spin_once(0.02)
+            return condition()
+        return self._until(turn, what)
+
+    def wait_for_status(self, node, **fields):
+        """Return the status of a node once it has these fields."""
+        self.wait(
+            lambda: fields.items() <= self._status.get(node, {}).items(),
+            f'{fields} in the status of {node}')
+        return self._status[node]
+
+    def wait_for_samples(self, stream, count):
+        """Return all samples of a stream once there are so many."""
+        self.wait(
+            lambda: len(self.samples(stream)) >= count, f'{count} samples of {stream}')
+        return self.samples(stream)
+
+    def samples(self, stream):
+        """Return all samples so far; their indices must follow each other from 0."""
+        samples = []
+        for message in self.received[stream]:
+            index, period_s, *values = message.data
+            assert period_s == PERIOD_S
+            assert index == len(samples)
+            samples += values
+        return samples
+
+    def call(self, service_type, name, request):
+        """Call a service and return its answer."""
+        client = self.node.create_client(service_type, name)
+        assert client.wait_for_service(90.0)
+        # A server that has not yet discovered this client throws its answer away.
+        self.wait(lambda: client.service_is_ready(), f'the service {name}')
+        future = client.call_async(request)
+        self.wait(future.done, f'an answer of {name}')
+        return future.result()
+
+    def change_state(self, node, transition):
+        """Ask a managed node for a transition; return whether it made it."""
+        number = getattr(Transition, f'TRANSITION_{transition.upper()}')
+        request = ChangeState.Request(transition=Transition(id=number))
+        return self.call(ChangeState, f'{node}/change_state', request).success
+
+    def state(self, node):
+        return self.call(GetState, f'{node}/get_state', GetState.Request()).current_state.label
+
+    def destroy(self):
+        self._executor.shutdown()
+        self.node.destroy_node()
+        rclpy.try_shutdown(context=self._context)
+
+
+@pytest.fixture
+def peer(rig, until):
+    peer = Peer(rig, until)
+    yield peer
+    peer.destroy()
+
+
+@pytest.fixture
+def block():
+    return typed_block
