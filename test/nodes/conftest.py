@@ -29,13 +29,12 @@ def wait_until(condition, what, timeout_s=PATIENCE_S):
 class Process:
     """A process in a group of its own, its output in a file."""
 
-    def __init__(self, arguments, output, environment, limit=None):
+    def __init__(self, arguments, output, environment):
         self._output = output
         with output.open('wb') as file:
             self._popen = subprocess.Popen(
                 [sys.executable, '-m', *arguments], stdin=subprocess.DEVNULL, stdout=file,
-                stderr=subprocess.STDOUT, start_new_session=True, env=environment,
-                preexec_fn=limit)
+                stderr=subprocess.STDOUT, start_new_session=True, env=environment)
         self.pid = self._popen.pid
 
     @property
@@ -89,17 +88,21 @@ class Rig:
         arguments = [str(word) for word in arguments if word != '--default-namespace']
         return self._start('piezo_ros.cli.main', *arguments)
 
-    def node(self, name, limit=None, **parameters):
+    def node(self, name, **parameters):
         """Start one node."""
         words = [
             word for key, value in parameters.items() for word in ('-p', f'{key}:={value}')]
+        return self.start_node(name, *words)
+
+    def start_node(self, name, *arguments):
+        """Start one node with some arguments for ROS."""
         return self._start(
             'piezo_ros.nodes.executables', name, '--ros-args', '-r', f'__ns:={self.namespace}',
-            *words, limit=limit)
+            *arguments)
 
-    def _start(self, *arguments, limit=None):
+    def _start(self, *arguments):
         output = self.directory / f'output_{len(self._processes)}.txt'
-        process = Process(arguments, output, self.environment, limit)
+        process = Process(arguments, output, self.environment)
         self._processes.append(process)
         return process
 
