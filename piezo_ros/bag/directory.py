@@ -251,7 +251,7 @@ class BagDirectory:
         }
 
 
-class _PlainDumper(yaml.SafeDumper):
+class _PlainDumper(getattr(yaml, 'CSafeDumper', yaml.SafeDumper)):  # type: ignore[misc]
     """Dumper that repeats equal parts instead of writing anchors, which not every reader knows."""
 
     def ignore_aliases(self, data: object) -> bool:

@@ -56,7 +56,8 @@ def _listed(path: Path) -> list[Path] | None:
     """Return the files named in ``metadata.yaml``, None if it is missing or empty."""
     try:
         text = (path / 'metadata.yaml').read_text(encoding='utf-8')
-        entries: dict[str, Any] = yaml.safe_load(text)['rosbag2_bagfile_information']
+        entries: dict[str, Any] = yaml.load(
+            text, getattr(yaml, 'CSafeLoader', yaml.SafeLoader))['rosbag2_bagfile_information']
         storage = entries['storage_identifier']
         mode = entries.get('compression_mode') or ''
         names = [Path(name).name for name in entries['relative_file_paths']]

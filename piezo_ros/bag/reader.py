@@ -272,7 +272,7 @@ def _parameters(path: Path, attachments: list[Attachment]) -> dict[str, dict[str
         if attachment.name != PARAMETERS_NAME:
             continue
         try:
-            nodes = yaml.safe_load(attachment.data) or {}
+            nodes = yaml.load(attachment.data, getattr(yaml, 'CSafeLoader', yaml.SafeLoader)) or {}
             for node, content in nodes.items():
                 parameters.setdefault(node, {}).update(content['ros__parameters'] or {})
         except (yaml.YAMLError, AttributeError, KeyError, TypeError, ValueError) as error:

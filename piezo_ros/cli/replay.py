@@ -8,9 +8,14 @@ from typing import Any
 from piezo_ros.bag import BagError, read
 from piezo_ros.control import SCHEMES, ControllerParameters
 from piezo_ros.experiment.errors import PlanError
-from piezo_ros.experiment.model_file import read_node_model
+from piezo_ros.experiment.parameter_file import read_parameter_file
 from piezo_ros.experiment.replay import replay
-from piezo_ros.model import HysteresisParameters, ParameterError, RigParameters
+from piezo_ros.model import (
+    HysteresisParameters,
+    ParameterError,
+    ParameterSet,
+    RigParameters,
+)
 from piezo_ros.report.metrics import nrmse
 
 __all__ = ['add_command']
@@ -42,11 +47,9 @@ def _replay(options: argparse.Namespace) -> int:
         run = read(options.bag, namespace=options.namespace)
         result = replay(
             run, scheme=options.scheme,
-            controller=options.controller and read_node_model(
-                options.controller, 'controller', ControllerParameters),
-            compensator=options.compensator and read_node_model(
-                options.compensator, 'compensator', HysteresisParameters),
-            plant=options.plant and read_node_model(options.plant, 'plant', RigParameters))
+            controller=_replaced(options.controller, 'controller', ControllerParameters),
+            compensator=_replaced(options.compensator, 'compensator', HysteresisParameters),
+            plant=_replaced(options.plant, 'plant', RigParameters))
     except (BagError, PlanError, ParameterError) as error:
         print(f'piezo: {error}', file=sys.stderr)
         return 1
@@ -71,3 +74,16 @@ def _replay(options: argparse.Namespace) -> int:
             f'{name:10}{_PERCENT * nrmse(reference_um, displacement_um):10.3f}'
             f'{abs(reference_um - displacement_um).max():14.4f}{abs(voltage_v).max():12.4f}')
     return 0
+
+
+def _replaced(
+    path: Path | None, node: str, parameter_set: type[ParameterSet],
+) -> dict[str, Any] | None:
+    """Return what a file says of a node; what it does not say stays as recorded."""
+    if path is None:
+        return None
+    sections = read_parameter_file(path, [node])
+    if node not in sections:
+        raise PlanError(f'{path} has no section for {node}')
+    known = parameter_set().to_mapping()
+    return {name: value for name, value in sections[node].items() if name in known}

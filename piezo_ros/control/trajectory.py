@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -62,6 +63,7 @@ class TrajectoryConstants(NamedTuple):
     table: Any  # (samples,) of a stepped sine or multisine, else empty
 
 
+@lru_cache(maxsize=64)
 def _feedforward(parameters: TrajectoryParameters) -> FeedforwardConstants:
     return feedforward_constants(
         parameters, parameters.harmonics, LinearDynamics(parameters),

@@ -13,13 +13,15 @@ from piezo_ros.experiment.node_parameters import check_node_parameters
 from piezo_ros.experiment.parameter_file import read_parameter_file, read_yaml
 from piezo_ros.model import HysteresisParameters, ParameterError, ParameterSet, RigParameters
 
-__all__ = ['STAGES', 'Plan', 'PlannedRun', 'read_plan']
+__all__ = ['STAGES', 'STUDIES', 'Plan', 'PlannedRun', 'plan_run', 'read_plan']
 
 _Set = TypeVar('_Set', bound=ParameterSet)
 STAGES: Final = ('compensator', 'controller', 'plant', 'trajectory')
 FORMAT_VERSION: Final = 1
 _PLAN_KEYS: Final = (
-    'format_version', 'title', 'parameter_files', 'sample_period_s', 'score_periods', 'runs')
+    'format_version', 'title', 'parameter_files', 'sample_period_s', 'score_periods', 'runs',
+    'study')
+STUDIES: Final = ('paper',)
 # The keys of a run that are short for a parameter of a node; every other key names a node.
 _SHORT_KEYS: Final = {
     'scheme': 'controller',
@@ -99,7 +101,11 @@ class Plan:
     score_periods : float
         Periods at the end of each run that are scored.
     runs : tuple of PlannedRun
-        The runs, in order.
+        The runs, in order; none for a study, which makes its own.
+    base : mapping of str to mapping
+        Stage to the parameters of the parameter files.
+    study : str
+        One of `STUDIES`, '' for none.
 
     """
 
@@ -107,6 +113,8 @@ class Plan:
     title: str
     score_periods: float
     runs: tuple[PlannedRun, ...]
+    base: Mapping[str, Mapping[str, Any]]
+    study: str = ''
 
 
 def read_plan(path: Path) -> Plan:
@@ -146,6 +154,14 @@ def read_plan(path: Path) -> Plan:
     if 'sample_period_s' in content:
         for stage in STAGES:
             base[stage]['sample_period_s'] = content['sample_period_s']
+    title = str(content.get('title', path.stem))
+    if 'study' in content:
+        if content['study'] not in STUDIES:
+            raise PlanError(
+                f'{path}: study is {content["study"]!r}, allowed are {", ".join(STUDIES)}')
+        if 'runs' in content:
+            raise PlanError(f'{path}: a study makes its own runs, there must be no key runs')
+        return Plan(path, title, 4.0, (), base, str(content['study']))
     entries = _list(path, 'runs', content.get('runs'))
     runs: list[PlannedRun] = []
     for number, entry in enumerate(entries, start=1):
@@ -154,7 +170,7 @@ def read_plan(path: Path) -> Plan:
             raise PlanError(f'{where} is {entry!r}, it must be a mapping')
         _refuse_unknown(where, entry, (*_SHORT_KEYS, *STAGES))
         for combination in _combinations(where, entry):
-            runs.append(_planned(where, base, combination, len(runs)))
+            runs.append(plan_run(base, combination, where=where, number=len(runs)))
     if not runs:
         raise PlanError(f'{path}: runs is empty')
     score_periods = content.get('score_periods', 4)
@@ -166,7 +182,7 @@ def read_plan(path: Path) -> Plan:
             raise PlanError(
                 f'{path}: score_periods is {score_periods}, allowed is 0 … {periods} '
                 f'(periods of {run.name})')
-    return Plan(path, str(content.get('title', path.stem)), float(score_periods), tuple(runs))
+    return Plan(path, title, float(score_periods), tuple(runs), base)
 
 
 def _combinations(where: str, entry: Mapping[str, Any]) -> list[dict[str, Any]]:
@@ -180,9 +196,32 @@ def _combinations(where: str, entry: Mapping[str, Any]) -> list[dict[str, Any]]:
     return [dict(zip(entry, values, strict=True)) for values in itertools.product(*choices)]
 
 
-def _planned(
-    where: str, base: Mapping[str, Mapping[str, Any]], entry: Mapping[str, Any], number: int,
+def plan_run(
+    base: Mapping[str, Mapping[str, Any]], entry: Mapping[str, Any], *, where: str, number: int,
+    name: str = '',
 ) -> PlannedRun:
+    """
+    Check one run and fill in what it does not say.
+
+    Parameters
+    ----------
+    base : mapping of str to mapping
+        Stage to parameters that hold for every run.
+    entry : mapping of str to value
+        The run as in a plan, without lists of alternatives.
+    where : str
+        What errors begin with.
+    number : int
+        Number of the run, for its name.
+    name : str, optional
+        Its name, made of number, scheme and waveform by default.
+
+    Raises
+    ------
+    PlanError
+        As `read_plan`.
+
+    """
     values = {stage: dict(base[stage]) for stage in STAGES}
     for key, value in entry.items():
         if key in STAGES:
@@ -200,7 +239,7 @@ def _planned(
     bare = trajectory['output'] == 'voltage'
     scheme = 'bare' if bare else parameters['controller']['scheme']
     amplitude = f'{trajectory["amplitude_v"]:g}v' if bare else f'{trajectory["amplitude_um"]:g}um'
-    name = (
+    name = name or (
         f'{number:03d}_{scheme}_{trajectory["waveform"]}_{amplitude}'
         f'_{trajectory["frequency_hz"]:g}hz')
     run = PlannedRun(name, parameters)

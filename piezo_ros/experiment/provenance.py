@@ -69,6 +69,7 @@ def parameters_yaml(namespace: str, parameters: Mapping[str, Mapping[str, Any]])
 
     """
     prefix = namespace.rstrip('/')
-    return yaml.safe_dump({
+    return yaml.dump({
         f'{prefix}/{node}': {'ros__parameters': dict(values)}
-        for node, values in sorted(parameters.items())}, sort_keys=True)
+        for node, values in sorted(parameters.items())},
+        Dumper=getattr(yaml, 'CSafeDumper', yaml.SafeDumper), sort_keys=True)

@@ -42,7 +42,8 @@ def recorded_parameters(run: Run, node: str, parameter_set: type[_Set]) -> _Set:
 
 
 def recorded_response(
-    run: Run, *, bare: bool = False, slew_limit_v_per_s: float | None = None,
+    run: Run, *, bare: bool = False, closed_loop: bool = False,
+    slew_limit_v_per_s: float | None = None,
 ) -> FrequencyResponse:
     """
     Return the frequency response of the compensated (or the bare) actuator in a run.
@@ -53,6 +54,8 @@ def recorded_response(
         A stepped sine or multisine; the parameters of its trajectory tell which.
     bare : bool, optional
         From voltage to displacement; from command to displacement by default.
+    closed_loop : bool, optional
+        From reference to displacement.
     slew_limit_v_per_s : float, optional
         Of the amplifier; what the plant of the bag says by default, or none.
 
@@ -78,6 +81,10 @@ def recorded_response(
             slew_limit_v_per_s or plant.slew_limit_v_per_s or math.inf,
             plant.voltage_minimum_v - plant.operating_point_v,
             plant.voltage_maximum_v - plant.operating_point_v)
+    if bare:
+        input_ = run.voltage_v
+    else:
+        input_ = run.reference_um if closed_loop else run.command_um
     return frequency_response(
-        run.voltage_v if bare else run.command_um, run.displacement_um, run.sample_period_s,
+        input_, run.displacement_um, run.sample_period_s,
         excitation=excitation, voltage_v=run.voltage_v, amplifier=amplifier)

@@ -9,6 +9,7 @@ operating point.
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -154,9 +155,10 @@ class RigState(NamedTuple):
     scratch: Vector  # (5,)
 
 
+@lru_cache(maxsize=64)
 def rig_constants(parameters: RigParameters, sample_period_s: float) -> RigConstants:
     """
-    Return the constants of the steps as lists.
+    Return the constants of the steps as lists, which nobody changes.
 
     Parameters
     ----------

@@ -1,0 +1,344 @@
+"""
+The whole of Liu 2015 from runs: which runs, in which order, and what is computed of them.
+
+First the runs that need no model of our own: static loops, identification, Tables 3 and 4 as
+published. Then the models are identified from their bags, and Table 4 is run again with these.
+The runs are done by whatever it is given: live nodes, or the same steps offline.
+"""
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from piezo_ros import paper
+from piezo_ros.bag import Run
+from piezo_ros.control import ControllerParameters, TrajectoryParameters
+from piezo_ros.experiment.plan import PlannedRun, plan_run
+from piezo_ros.experiment.recorded_models import recorded_parameters, recorded_response
+from piezo_ros.experiment.tracking_table import SCHEMES, table_cells
+from piezo_ros.identification import (
+    DynamicsFit,
+    FrequencyResponse,
+    HysteresisFit,
+    UncertaintyBound,
+    fit_dynamics,
+    fit_hysteresis,
+    merge,
+    uncertainty_bound,
+)
+from piezo_ros.identification.harmonics import HarmonicsChoice, choose_harmonics
+from piezo_ros.identification.loop_shape import LoopShape, loop_shape
+from piezo_ros.identification.tuning import PiTuning, tune_pi
+from piezo_ros.model import HysteresisParameters, LinearDynamics, RigParameters
+from piezo_ros.report.metrics import Nonlinearity, nonlinearity, nrmse, tail
+
+__all__ = ['Crossing', 'PaperResults', 'StaticLoop', 'run_paper_study']
+
+Execute = Callable[[Sequence[PlannedRun]], Iterator[Run]]
+_Floats = NDArray[np.float64]
+
+SCORE_PERIODS: Final = 4.0
+PERIODS: Final = 15.0
+_PERCENT: Final = 100.0
+# The static experiments are slow and sampled slowly, as in the paper.
+_STATIC: Final = {'sample_period_s': 1e-4}
+_SINE_FREQUENCIES_HZ: Final = tuple(float(f) for f in range(300, 951, 50))
+_RESPONSE_FREQUENCIES_HZ: Final = tuple(float(f'{f:.4g}') for f in np.geomspace(20.0, 2000.0, 20))
+_WIDE_FREQUENCIES_HZ: Final = tuple(float(f'{f:.4g}') for f in np.geomspace(20.0, 8000.0, 30))
+_LOOP_FREQUENCIES_HZ: Final = tuple(float(f'{f:.4g}') for f in np.geomspace(50.0, 2000.0, 16))
+_IDENTIFICATION_AMPLITUDES_UM: Final = (0.1, 0.2, 0.4)
+_AMPLITUDES_V: Final = (0.5, 1.0, 1.5, 2.0, 2.5)
+_OFFSETS_V: Final = (-1.5, -0.75, 0.0, 0.75, 1.5)
+_MOST_SENSITIVE: Final = 1.6
+
+
+@dataclass(frozen=True)
+class StaticLoop:
+    """One whole slow loop of input (V or um) and displacement, and its nonlinearity."""
+
+    input: _Floats
+    displacement_um: _Floats
+    nonlinearity: Nonlinearity
+
+
+@dataclass(frozen=True)
+class Crossing:
+    """
+    FF and FBFF errors of sines of one amplitude, and where they are equal.
+
+    Attributes
+    ----------
+    amplitude_um : float
+        Peak amplitude.
+    frequency_hz, ff_percent, fbff_percent : ndarray, shape (F,)
+        NRMSE under both schemes.
+    crossing_hz : float
+        Where the two are equal; NaN where they nowhere are.
+
+    """
+
+    amplitude_um: float
+    frequency_hz: _Floats
+    ff_percent: _Floats
+    fbff_percent: _Floats
+
+    @property
+    def crossing_hz(self) -> float:
+        """First frequency from which on feedback does harm, interpolated."""
+        ratio = np.log(self.fbff_percent / self.ff_percent)
+        above = np.flatnonzero((ratio[:-1] <= 0.0) & (ratio[1:] > 0.0))
+        if not above.size:
+            return math.nan
+        k = int(above[-1])
+        share = -ratio[k] / (ratio[k + 1] - ratio[k])
+        return float(self.frequency_hz[k] + share * (
+            self.frequency_hz[k + 1] - self.frequency_hz[k]))
+
+
+@dataclass(frozen=True)
+class PaperResults:
+    """Everything that the report of the study shows."""
+
+    uncompensated: StaticLoop
+    compensated: StaticLoop
+    compensated_identified: StaticLoop
+    hysteresis: HysteresisFit
+    bare_responses: tuple[FrequencyResponse, ...]
+    compensated_responses: tuple[FrequencyResponse, ...]
+    dynamics: DynamicsFit
+    uncertainty: UncertaintyBound
+    closed_loop: FrequencyResponse
+    loop_published: LoopShape
+    loop_identified: LoopShape
+    tuning: PiTuning
+    crossings: tuple[Crossing, ...]
+    cells: tuple[tuple[float, float], ...]
+    table_4_published: _Floats  # (30, 2), percent, FF and FBFF
+    table_4_identified: _Floats
+    table_4_automatic: _Floats
+    harmonics: tuple[tuple[HarmonicsChoice, HarmonicsChoice], ...]  # (30, 2)
+    scans: Mapping[str, Run]  # scheme -> 2.5 um triangle of 300 Hz
+
+
+def run_paper_study(
+    base: Mapping[str, Mapping[str, Any]], execute: Execute,
+) -> PaperResults:
+    """
+    Do every run of the study and compute every table and figure.
+
+    Parameters
+    ----------
+    base : mapping of str to mapping
+        Stage to parameters: the rig, and the published compensator, controller and trajectory.
+    execute : callable
+        Does runs and yields them as read from their bags, in order.
+
+    Returns
+    -------
+    PaperResults
+        All results.
+
+    """
+    study = _Study(base, execute)
+    uncompensated, compensated = study.static_loops()
+    hysteresis = study.hysteresis()
+    inverse = {
+        'kappa_um_per_v': hysteresis.parameters.kappa_um_per_v,
+        'saturation_v': hysteresis.parameters.saturation_v}
+    identified_loop = study.compensated_loop('identified', inverse)
+    bare, grid = study.responses()
+    dynamics = study.dynamics(inverse)
+    assert dynamics.parameters is not None
+    bound = uncertainty_bound(grid, dynamics.sampled_response)
+    law = study.parameters('controller', ControllerParameters)
+    tuning = tune_pi(
+        LinearDynamics(dynamics.parameters), bound=bound, max_sensitivity=_MOST_SENSITIVE,
+        measurement_delay_samples=law.measurement_delay_samples)
+    model = {**dynamics.parameters.to_mapping(), 'model_response': 'sampled'}
+    cells = table_cells()
+    choices = study.harmonics(cells, hysteresis.parameters, dynamics)
+    published = study.table_4('published', cells)
+    return PaperResults(
+        uncompensated=uncompensated, compensated=compensated,
+        compensated_identified=identified_loop, hysteresis=hysteresis, bare_responses=bare,
+        compensated_responses=grid, dynamics=dynamics, uncertainty=bound,
+        closed_loop=study.closed_loop(),
+        loop_published=loop_shape(
+            LinearDynamics(), law.proportional_gain, law.integral_gain_per_s),
+        loop_identified=loop_shape(
+            LinearDynamics(dynamics.parameters), law.proportional_gain, law.integral_gain_per_s,
+            sample_period_s=1e-5, measurement_delay_samples=law.measurement_delay_samples,
+            bound=bound),
+        tuning=tuning, crossings=study.crossings(), cells=cells,
+        table_4_published=published,
+        table_4_identified=study.table_4('identified', cells, inverse, model),
+        table_4_automatic=study.table_4('automatic', cells, inverse, model, choices),
+        harmonics=choices, scans=study.scans())
+
+
+class _Study:
+    """The runs of the study, group by group."""
+
+    def __init__(self, base: Mapping[str, Mapping[str, Any]], execute: Execute) -> None:
+        self._base = base
+        self._execute = execute
+
+    def parameters(self, stage: str, parameter_set: type[Any]) -> Any:
+        """Return a parameter set of the published stages."""
+        known = parameter_set().to_mapping()
+        return parameter_set.from_mapping({
+            name: value for name, value in self._base[stage].items() if name in known})
+
+    def static_loops(self) -> tuple[StaticLoop, StaticLoop]:
+        """Return the loops of Fig. 5, without and with the published inverse model."""
+        (run,) = self._execute([self._plan('static_uncompensated', {
+            'output': 'voltage', 'amplitude_v': 3.0, 'frequency_hz': 1.0, 'periods': 3.0,
+            'waveform': 'triangle', 'harmonics': 0}, _STATIC)])
+        return _last_loop(run.voltage_v, run), self.compensated_loop('published', {})
+
+    def compensated_loop(self, name: str, inverse: Mapping[str, Any]) -> StaticLoop:
+        """Return the slow loop of commanded and measured displacement."""
+        (run,) = self._execute([self._plan(f'static_compensated_{name}', {
+            'scheme': 'open_loop', 'amplitude_um': 3.0, 'frequency_hz': 1.0, 'periods': 3.0,
+            'waveform': 'triangle', 'harmonics': 0, 'compensator': inverse}, _STATIC)])
+        return _last_loop(run.command_um, run)
+
+    def hysteresis(self) -> HysteresisFit:
+        """Identify the hysteresis from a triangle of decreasing amplitude."""
+        (run,) = self._execute([self._plan('identify_hysteresis', {
+            'output': 'voltage', 'amplitude_v': 4.5, 'frequency_hz': 1.0, 'periods': 10.0,
+            'waveform': 'decreasing_triangle', 'harmonics': 0}, _STATIC)])
+        return fit_hysteresis(run.voltage_v, run.displacement_um)
+
+    def responses(self) -> tuple[tuple[FrequencyResponse, ...], tuple[FrequencyResponse, ...]]:
+        """Return Fig. 6 (bare, by amplitude) and the grid of Fig. 7 and 8 (compensated)."""
+        kappa = paper.KAPPA_UM_PER_V[-1]
+        sweep = {
+            'waveform': 'stepped_sine', 'harmonics': 0, 'dwell_s': 0.02,
+            'trajectory': {'frequencies_hz': _RESPONSE_FREQUENCIES_HZ}}
+        bare = self._execute([
+            self._plan(f'bare_response_{amplitude_v:g}v', {
+                **sweep, 'output': 'voltage', 'amplitude_v': amplitude_v})
+            for amplitude_v in _AMPLITUDES_V])
+        bare_responses = tuple(recorded_response(run, bare=True) for run in bare)
+        grid = self._execute([
+            self._plan(f'compensated_response_{amplitude_v:g}v_at_{offset_v:g}v', {
+                **sweep, 'scheme': 'open_loop', 'amplitude_um': kappa * amplitude_v,
+                'offset_um': kappa * offset_v})
+            for amplitude_v in _AMPLITUDES_V for offset_v in _OFFSETS_V])
+        return bare_responses, tuple(recorded_response(run) for run in grid)
+
+    def dynamics(self, inverse: Mapping[str, Any]) -> DynamicsFit:
+        """Identify G behind the identified inverse, at amplitudes that no limit touches."""
+        runs = self._execute([
+            self._plan(f'identify_dynamics_{amplitude_um:g}um', {
+                'scheme': 'open_loop', 'waveform': 'stepped_sine', 'harmonics': 0,
+                'amplitude_um': amplitude_um, 'dwell_s': 0.05, 'compensator': inverse,
+                'trajectory': {'frequencies_hz': _WIDE_FREQUENCIES_HZ}})
+            for amplitude_um in _IDENTIFICATION_AMPLITUDES_UM])
+        return fit_dynamics(merge([recorded_response(run) for run in runs]))
+
+    def closed_loop(self) -> FrequencyResponse:
+        """Return Fig. 9: reference to displacement under feedback alone."""
+        (run,) = self._execute([self._plan('closed_loop_response', {
+            'scheme': 'fb', 'waveform': 'stepped_sine', 'harmonics': 0, 'amplitude_um': 0.5,
+            'dwell_s': 0.01, 'trajectory': {'frequencies_hz': _LOOP_FREQUENCIES_HZ}})])
+        return recorded_response(run, closed_loop=True)
+
+    def crossings(self) -> tuple[Crossing, ...]:
+        """Return Fig. 10 and Table 3: sines under FF and FBFF."""
+        crossings = []
+        for amplitude_um in paper.TABLE_3:
+            errors = self._scan_errors(
+                f'sine_{amplitude_um:g}um', 'sine',
+                [(amplitude_um, frequency_hz) for frequency_hz in _SINE_FREQUENCIES_HZ],
+                {'harmonics': 1})
+            crossings.append(Crossing(
+                amplitude_um, np.array(_SINE_FREQUENCIES_HZ), errors[:, 0], errors[:, 1]))
+        return tuple(crossings)
+
+    def harmonics(
+        self, cells: Sequence[tuple[float, float]], hysteresis: HysteresisParameters,
+        dynamics: DynamicsFit,
+    ) -> tuple[tuple[HarmonicsChoice, HarmonicsChoice], ...]:
+        """Choose m for every cell from what is known: the models and the amplifier's limits."""
+        assert dynamics.parameters is not None
+        rig = self.parameters('plant', RigParameters)
+        # Nothing of the rig's secrets: the identified models, and its data sheet.
+        known = RigParameters.from_mapping({
+            **rig.to_mapping(), **dynamics.parameters.to_mapping(), **hysteresis.to_mapping(),
+            **{name: 0.0 for name in rig.to_mapping() if name.endswith('_mismatch')}})
+        law = self.parameters('controller', ControllerParameters)
+        scan = self.parameters('trajectory', TrajectoryParameters).replaced(
+            **dynamics.parameters.to_mapping(), model_response='sampled')
+        choices = []
+        for amplitude_um, frequency_hz in cells:
+            run = scan.replaced(amplitude_um=amplitude_um, frequency_hz=frequency_hz)
+            ff, fbff = (
+                choose_harmonics(known, run, law.replaced(scheme=scheme)) for scheme in SCHEMES)
+            choices.append((ff, fbff))
+        return tuple(choices)
+
+    def table_4(
+        self, name: str, cells: Sequence[tuple[float, float]],
+        inverse: Mapping[str, Any] | None = None, model: Mapping[str, Any] | None = None,
+        choices: Sequence[tuple[HarmonicsChoice, HarmonicsChoice]] | None = None,
+    ) -> _Floats:
+        """Return the errors of triangle tracking, shape (cells, 2), percent."""
+        return self._scan_errors(
+            f'table_4_{name}', 'triangle', cells,
+            {'compensator': inverse or {}, 'trajectory': model or {}},
+            None if choices is None else [
+                tuple(choice.harmonics for choice in pair) for pair in choices])
+
+    def scans(self) -> dict[str, Run]:
+        """Return Fig. 11: the 300 Hz triangle under all schemes."""
+        schemes = ('fb', 'ff', 'fbff')
+        runs = self._execute([
+            self._plan(f'scan_{scheme}', {
+                'scheme': scheme, 'waveform': 'triangle', 'amplitude_um': 2.5,
+                'frequency_hz': 300.0, 'harmonics': paper.HARMONICS, 'periods': PERIODS})
+            for scheme in schemes])
+        return dict(zip(schemes, runs, strict=True))
+
+    def _scan_errors(
+        self, name: str, waveform: str, cells: Sequence[tuple[float, float]],
+        more: Mapping[str, Any], harmonics: Sequence[tuple[int, ...]] | None = None,
+    ) -> _Floats:
+        planned = [
+            self._plan(f'{name}_{scheme}_{amplitude_um:g}um_{frequency_hz:g}hz', {
+                'harmonics': paper.HARMONICS, **more, 'scheme': scheme, 'waveform': waveform,
+                'amplitude_um': amplitude_um, 'frequency_hz': frequency_hz, 'periods': PERIODS,
+                **({} if harmonics is None else {'harmonics': harmonics[row][column]})})
+            for row, (amplitude_um, frequency_hz) in enumerate(cells)
+            for column, scheme in enumerate(SCHEMES)]
+        errors = [_error(run) for run in self._execute(planned)]
+        return np.array(errors).reshape(len(cells), len(SCHEMES))
+
+    def _plan(
+        self, name: str, entry: Mapping[str, Any], everywhere: Mapping[str, Any] | None = None,
+    ) -> PlannedRun:
+        base = {
+            stage: {**values, **(everywhere or {})} for stage, values in self._base.items()}
+        return plan_run(base, entry, where=f'study: {name}', number=0, name=name)
+
+
+def _error(run: Run) -> float:
+    frequency_hz = recorded_parameters(run, 'trajectory', TrajectoryParameters).frequency_hz
+    window = tail(run.samples, frequency_hz, run.sample_period_s, SCORE_PERIODS)
+    return _PERCENT * nrmse(run.reference_um[window], run.displacement_um[window])
+
+
+def _last_loop(input_: _Floats, run: Run) -> StaticLoop:
+    frequency_hz = recorded_parameters(run, 'trajectory', TrajectoryParameters).frequency_hz
+    period = round(1.0 / (frequency_hz * run.sample_period_s))
+    # Three periods: the last whole loop begins and ends at a peak.
+    window = slice(run.samples - 2 * period, run.samples)
+    loop = slice(run.samples - period, run.samples)
+    return StaticLoop(
+        input_[loop], run.displacement_um[loop],
+        nonlinearity(input_[window], run.displacement_um[window]))
