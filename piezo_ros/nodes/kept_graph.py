@@ -1,0 +1,198 @@
+"""
+One node graph for many runs: its nodes are configured, activated and cleaned up for each.
+
+For plans with hundreds of short runs, of which starting processes would take most of the time. The
+nodes are led through their lifecycle by its services, as any manager of ROS would.
+"""
+
+import json
+import os
+import signal
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, Final
+
+import rclpy
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
+from rcl_interfaces.srv import SetParametersAtomically
+from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.signals import SignalHandlerOptions
+from std_msgs.msg import String
+
+from piezo_ros.bag import STREAMS
+from piezo_ros.experiment.campaign import RunResult
+from piezo_ros.experiment.errors import CampaignError
+from piezo_ros.experiment.plan import PlannedRun
+from piezo_ros.nodes.middleware import set_middleware_defaults
+from piezo_ros.nodes.process_group import POLL_S, ProcessGroup
+
+__all__ = ['KeptGraph']
+
+_START_S: Final = 30.0
+_SERVICE_S: Final = 30.0
+_BARE_LOOKAHEAD: Final = 1000
+_STATUS_QOS: Final = QoSProfile(
+    history=HistoryPolicy.KEEP_ALL, reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+class KeptGraph:
+    """
+    Does runs on a composed loop and a recorder that stay.
+
+    Parameters
+    ----------
+    directory : Path
+        Output directory; logs go below it.
+    namespace : str
+        Namespace of the nodes; of its own for every process by default.
+
+    """
+
+    def __init__(self, directory: Path, *, namespace: str = '') -> None:
+        set_middleware_defaults()
+        self._directory = directory
+        self._namespace = '/' + (namespace or f'piezo_{os.getpid()}').strip('/')
+        self._stop_signal = 0
+        self._statuses: dict[str, dict[str, Any]] = {}
+        self._clients: dict[tuple[str, str], Any] = {}
+
+    def __enter__(self) -> 'KeptGraph':
+        """Start the processes; take over SIGINT and SIGTERM."""
+        self._old_handlers = {
+            number: signal.signal(number, self._on_signal)
+            for number in (signal.SIGINT, signal.SIGTERM)}
+        rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+        self._node = rclpy.create_node('supervisor', namespace=self._namespace)
+        self._subscription = self._node.create_subscription(
+            String, 'status', self._note, _STATUS_QOS)
+        self._processes = ProcessGroup()
+        logs = self._directory / 'logs'
+        logs.mkdir(parents=True, exist_ok=True)
+        arguments = [
+            '--ros-args', '-r', f'__ns:={self._namespace}', '-p', 'autostart:=false',
+            '-p', 'linger_s:=-1.0']
+        for name in ('recorder', 'loop'):
+            self._processes.start(name, arguments, logs / f'{name}.log')
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """End the processes and give everything back."""
+        self._processes.stop()
+        self._processes.kill()
+        self._node.destroy_node()
+        rclpy.try_shutdown()
+        for number, handler in self._old_handlers.items():
+            signal.signal(number, handler)
+
+    def __call__(self, planned: PlannedRun, bag: Path) -> RunResult:
+        """
+        Do one run.
+
+        Parameters
+        ----------
+        planned : PlannedRun
+            The run.
+        bag : Path
+            Bag directory; must not exist.
+
+        Returns
+        -------
+        RunResult
+            Wall-clock time while samples flowed.
+
+        Raises
+        ------
+        CampaignError
+            If a node failed or died, or somebody wanted the run to end.
+
+        """
+        bag.parent.mkdir(parents=True, exist_ok=True)
+        nodes = ('recorder', *planned.stages)
+        for node in nodes:
+            self._set_parameters(node, self._parameters(planned, bag, node))
+        self._statuses.clear()
+        for transition in (Transition.TRANSITION_CONFIGURE, Transition.TRANSITION_ACTIVATE):
+            for node in nodes:
+                self._change_state(node, transition)
+        self._spin_until(lambda: all(
+            self._statuses.get(node, {}).get('state') in ('finished', 'faulted', 'stopped')
+            for node in nodes))
+        plant = dict(self._statuses['plant'])
+        faults = [
+            f'{node}: {self._statuses[node]["reason"]}' for node in nodes
+            if self._statuses[node]['state'] != 'finished']
+        for transition in (Transition.TRANSITION_DEACTIVATE, Transition.TRANSITION_CLEANUP):
+            for node in nodes:
+                self._change_state(node, transition)
+        if faults:
+            raise CampaignError('; '.join(faults))
+        return RunResult(float(plant['elapsed_s']))
+
+    def _parameters(self, planned: PlannedRun, bag: Path, node: str) -> dict[str, Any]:
+        if node == 'recorder':
+            return {
+                'streams': 'voltage,displacement' if planned.bare else ','.join(STREAMS),
+                'bag_directory': str(bag.absolute()),
+                'sample_period_s': planned.trajectory.sample_period_s}
+        values = {
+            **planned.parameters[node], 'required_readers': 2, 'linger_s': -1.0,
+            'autostart': False, 'compiled': True}
+        if node == 'plant':
+            # The plant demands where there is no controller; only the recorder reads it then.
+            values['demand_lookahead_samples'] = _BARE_LOOKAHEAD if planned.bare else 0
+            values['required_readers'] = 1 if planned.bare else 2
+        return values
+
+    def _set_parameters(self, node: str, values: Mapping[str, Any]) -> None:
+        request = SetParametersAtomically.Request(parameters=[
+            Parameter(name, value=value).to_parameter_msg() for name, value in values.items()])
+        answer = self._call(node, 'set_parameters_atomically', SetParametersAtomically, request)
+        if not answer.result.successful:
+            raise CampaignError(f'{node} refuses its parameters: {answer.result.reason}')
+
+    def _change_state(self, node: str, transition: int) -> None:
+        request = ChangeState.Request(transition=Transition(id=transition))
+        if not self._call(node, 'change_state', ChangeState, request).success:
+            self._spin_until(lambda: False, timeout_s=0.2)
+            reason = self._statuses.get(node, {}).get('reason', '')
+            raise CampaignError(f'{node} refuses transition {transition}: {reason}')
+
+    def _call(self, node: str, service: str, service_type: Any, request: Any) -> Any:
+        key = (node, service)
+        if key not in self._clients:
+            self._clients[key] = self._node.create_client(
+                service_type, f'{self._namespace}/{node}/{service}')
+        client = self._clients[key]
+        self._spin_until(client.service_is_ready, timeout_s=_START_S, what=f'{node} to be up')
+        future = client.call_async(request)
+        self._spin_until(future.done, timeout_s=_SERVICE_S, what=f'{node} to answer {service}')
+        return future.result()
+
+    def _spin_until(
+        self, condition: Callable[[], bool], *, timeout_s: float | None = None, what: str = '',
+    ) -> None:
+        """Serve status and answers until a condition holds."""
+        deadline = None if timeout_s is None else time.monotonic() + timeout_s
+        while not condition():
+            if self._stop_signal:
+                raise CampaignError(f'stopped by {signal.Signals(self._stop_signal).name}')
+            if self._processes.dead():
+                name, code = next(iter(self._processes.blamed.items()))
+                how = f'was killed by {signal.Signals(-code).name}' if code < 0 else 'failed'
+                raise CampaignError(f'{name} {how}')
+            if deadline is not None and time.monotonic() > deadline:
+                if what:
+                    raise CampaignError(f'waited {timeout_s:g} s for {what}')
+                return
+            rclpy.spin_once(self._node, timeout_sec=POLL_S)
+
+    def _note(self, message: String) -> None:
+        status = json.loads(message.data)
+        self._statuses[status['node']] = status
+
+    def _on_signal(self, number: int, _frame: Any) -> None:
+        self._stop_signal = number

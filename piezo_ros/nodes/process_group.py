@@ -1,0 +1,83 @@
+"""Processes of node executables: started together, watched, and ended whatever happens."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Final
+
+from piezo_ros.nodes.executables import PARENT_VARIABLE
+
+__all__ = ['POLL_S', 'ProcessGroup']
+
+POLL_S: Final = 0.02
+_GRACE_S: Final = ((signal.SIGINT, 10.0), (signal.SIGTERM, 3.0), (signal.SIGKILL, 3.0))
+
+
+class ProcessGroup:
+    """
+    Processes that end with this one.
+
+    Attributes
+    ----------
+    blamed : dict of str to int
+        Executables that ended otherwise than well, and their exit codes, in the order in which
+        this was noticed; negative for a signal.
+
+    """
+
+    def __init__(self) -> None:
+        self.blamed: dict[str, int] = {}
+        self._processes: dict[str, subprocess.Popen[bytes]] = {}
+
+    def __contains__(self, name: object) -> bool:
+        """Return whether an executable was started."""
+        return name in self._processes
+
+    def start(self, name: str, arguments: Iterable[str], log: Path) -> None:
+        """Start one executable, its output into a log."""
+        with log.open('wb') as output:
+            self._processes[name] = subprocess.Popen(
+                [sys.executable, '-m', 'piezo_ros.nodes.executables', name, *arguments],
+                stdin=subprocess.DEVNULL, stdout=output, stderr=subprocess.STDOUT,
+                # A Ctrl-C shall reach them through this process, in order.
+                start_new_session=True,
+                env={**os.environ, PARENT_VARIABLE: str(os.getpid())})
+
+    def runs(self, name: str) -> bool:
+        """Return whether one executable runs."""
+        return self._processes[name].poll() is None
+
+    def going(self) -> bool:
+        """Return whether any process runs."""
+        return any(process.poll() is None for process in self._processes.values())
+
+    def dead(self) -> bool:
+        """Return whether a process ended otherwise than well, and remember it."""
+        for name, process in self._processes.items():
+            code = process.poll()
+            if code:
+                self.blamed.setdefault(name, code)
+        return bool(self.blamed)
+
+    def stop(self) -> None:
+        """Ask every process to end, and make sure."""
+        for step, grace_s in _GRACE_S:
+            for process in self._processes.values():
+                if process.poll() is None:
+                    process.send_signal(step)
+            deadline = time.monotonic() + grace_s
+            while self.going() and time.monotonic() < deadline:
+                time.sleep(POLL_S)
+            if not self.going():
+                return
+
+    def kill(self) -> None:
+        """Make sure that no process is left."""
+        for process in self._processes.values():
+            if process.poll() is None:
+                process.kill()
+            process.wait()
