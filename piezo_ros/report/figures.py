@@ -6,11 +6,13 @@ from importlib import resources
 from typing import Final
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogLocator, NullLocator, StrMethodFormatter
+from matplotlib.lines import Line2D
 
 from piezo_ros.report.comparison import scheme_label, series_label
+from piezo_ros.report.layout import WIDTH_IN, head, panel_grid, percent_axis
 from piezo_ros.report.rendering import INK, house_style, scheme_colour
 from piezo_ros.report.score import ScoredRun
 
@@ -23,7 +25,6 @@ __all__ = [
     'tracking_figure',
 ]
 
-_WIDTH_IN: Final = 7.6
 _HEADROOM: Final = 1.08
 # Rows of errors keep one scale while the smallest still fills a quarter of it.
 _COMMON_SCALE_RATIO: Final = 4.0
@@ -47,7 +48,7 @@ def tracking_figure(runs: Sequence[ScoredRun]) -> Figure:
     """
     _at_least_one(runs)
     with house_style():
-        figure = Figure(figsize=(_WIDTH_IN, 4.9))
+        figure = Figure(figsize=(WIDTH_IN, 4.9))
         top, bottom = figure.subplots(
             2, 1, sharex=True,
             gridspec_kw={'height_ratios': (3, 2), 'hspace': 0.12, 'left': 0.1, 'right': 0.985,
@@ -91,7 +92,7 @@ def error_figure(runs: Sequence[ScoredRun]) -> Figure:
     margin_in, row_in = (0.12, 0.52), 1.25
     height_in = row_in * len(runs) + sum(margin_in)
     with house_style():
-        figure = Figure(figsize=(_WIDTH_IN, height_in))
+        figure = Figure(figsize=(WIDTH_IN, height_in))
         rows = figure.subplots(
             len(runs), 1, sharex=True, squeeze=False,
             gridspec_kw={'hspace': 0.34, 'left': 0.1, 'right': 0.985,
@@ -154,7 +155,7 @@ def hysteresis_figure(runs: Sequence[ScoredRun]) -> Figure:
     _at_least_one(runs)
     columns = min(len(runs), 4)
     rows = math.ceil(len(runs) / columns)
-    panel_in = min(2.3, (_WIDTH_IN - 0.75) / columns)
+    panel_in = min(2.3, (WIDTH_IN - 0.75) / columns)
     width_in, height_in = 0.75 + panel_in * columns, 0.75 + panel_in * rows
     with house_style():
         figure = Figure(figsize=(width_in, height_in))
@@ -195,32 +196,15 @@ def nrmse_figure(runs: Sequence[ScoredRun]) -> Figure:
     """
     _at_least_one(runs)
     amplitudes = sorted({run.amplitude_um for run in runs})
-    columns = min(len(amplitudes), 3)
-    rows = math.ceil(len(amplitudes) / columns)
-    width_in, height_in = _WIDTH_IN if columns > 1 else 4.6, 0.85 + 2.05 * rows
     with house_style():
-        figure = Figure(figsize=(width_in, height_in))
-        panels = figure.subplots(
-            rows, columns, sharex=True, sharey=True, squeeze=False,
-            gridspec_kw={'left': 0.5 / width_in, 'right': 1 - 0.12 / width_in, 'wspace': 0.1,
-                         'hspace': 0.26, 'top': 1 - 0.5 / height_in,
-                         'bottom': 0.48 / height_in}).ravel()
-        for panel, amplitude_um in zip(panels, amplitudes, strict=False):
+        figure, panels, _ = panel_grid(
+            len(amplitudes), x_label='frequency (Hz)', y_label='NRMSE (%)')
+        for panel, amplitude_um in zip(panels, amplitudes, strict=True):
             _nrmse_panel(panel, [run for run in runs if run.amplitude_um == amplitude_um])
             panel.set_title(f'{amplitude_um:g} µm', loc='left', fontsize=9.5, pad=3)
-        for panel in panels[len(amplitudes):]:
-            panel.set_visible(False)
-        for panel in panels[max(0, len(amplitudes) - columns):len(amplitudes)]:
-            panel.set_xlabel('frequency (Hz)')
-            panel.xaxis.set_tick_params(labelbottom=True)
-        for panel in panels[::columns]:
-            panel.set_ylabel('NRMSE (%)')
         # FB alone is ten times worse than the others: only a logarithmic axis shows all three.
-        panels[0].set_yscale('log', nonpositive='mask')
-        panels[0].yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-        panels[0].yaxis.set_major_formatter(StrMethodFormatter('{x:g}'))
-        panels[0].yaxis.set_minor_locator(NullLocator())
-        _nrmse_legend(figure, runs, left=0.5 / width_in)
+        percent_axis(panels[0])
+        head(figure, _nrmse_handles(runs))
     return figure
 
 
@@ -270,15 +254,12 @@ def _nrmse_panel(panel: Axes, runs: Sequence[ScoredRun]) -> None:
                    markeredgecolor=colour)
 
 
-def _nrmse_legend(figure: Figure, runs: Sequence[ScoredRun], left: float) -> None:
-    axes = figure.axes[0]
-    handles = [
-        axes.plot([], [], color=scheme_colour(scheme), marker='o', markersize=3.6,
-                  label=scheme_label(scheme))[0]
+def _nrmse_handles(runs: Sequence[ScoredRun]) -> list[Artist]:
+    handles: list[Artist] = [
+        Line2D([], [], color=scheme_colour(scheme), marker='o', markersize=3.6,
+               label=scheme_label(scheme))
         for scheme in _schemes(runs)]
     if any(run.paper_nrmse_percent is not None for run in runs):
-        handles.append(axes.plot([], [], linestyle='none', marker='o', markersize=7.0,
-                                 markerfacecolor='none', markeredgecolor=INK, label='paper')[0])
-    figure.legend(handles=handles, loc='upper left', bbox_to_anchor=(left, 1.0),
-                  ncols=len(handles), borderpad=0, borderaxespad=0.5, handlelength=1.6,
-                  columnspacing=1.8)
+        handles.append(Line2D([], [], linestyle='none', marker='o', markersize=7.0,
+                              markerfacecolor='none', markeredgecolor=INK, label='paper'))
+    return handles

@@ -9,7 +9,18 @@ from typing import Any, Final
 import matplotlib as mpl
 from matplotlib.figure import Figure
 
-__all__ = ['GRID', 'INK', 'PAPER', 'house_style', 'inline_svg', 'png', 'scheme_colour', 'svg']
+__all__ = [
+    'FAINT',
+    'GRID',
+    'INK',
+    'PAPER',
+    'SERIES',
+    'house_style',
+    'inline_svg',
+    'png',
+    'scheme_colour',
+    'svg',
+]
 
 INK: Final = '#1f2328'
 GRID: Final = '#d8dee4'
@@ -23,6 +34,10 @@ _SCHEME_COLOURS: Final = {
     'open_loop': '#aa4499',
 }
 _OTHER_SCHEME: Final = '#7a6a00'
+# In order, for amplitudes and the like; dark and light enough to be seen on either page, for what
+# is rasterised cannot change its colour.
+SERIES: Final = ('#3567c0', '#8453bd', '#c04592', '#dc5f50', '#cf8520', '#968c10')
+FAINT: Final = '#7f90a6'
 
 _STYLE: Final[Any] = {  # Any: the type of its keys differs between versions of matplotlib
     'font.family': 'sans-serif',
@@ -53,7 +68,8 @@ _PNG_DOTS_PER_INCH: Final = 160
 _PAGE_REM_PER_POINT: Final = 0.102
 _PAGE_COLOURS: Final = {INK: 'currentColor', GRID: 'var(--grid)', PAPER: 'none'} | {
     colour: f'var(--{scheme.replace("_", "-")}, {colour})'
-    for scheme, colour in _SCHEME_COLOURS.items()}
+    for scheme, colour in _SCHEME_COLOURS.items()} | {
+    colour: f'var(--series-{number}, {colour})' for number, colour in enumerate(SERIES, start=1)}
 
 
 @contextmanager
@@ -98,7 +114,9 @@ def svg(figure: Figure, name: str) -> str:
     """
     buffer = io.BytesIO()
     with house_style(salt=name):
-        figure.savefig(buffer, format='svg', metadata={'Date': None, 'Creator': None})
+        figure.savefig(
+            buffer, format='svg', dpi=_PNG_DOTS_PER_INCH,  # of what is rasterised
+            metadata={'Date': None, 'Creator': None})
     return buffer.getvalue().decode()
 
 
