@@ -12,6 +12,8 @@ from pathlib import Path
 import pytest
 import yaml
 
+from piezo_ros.bag import STREAMS
+
 ROOT = Path(__file__).parents[2]
 PATIENCE_S = 90.0
 _numbers = itertools.count()
@@ -80,6 +82,11 @@ class Rig:
             **os.environ, 'PYTHONPATH': str(ROOT), 'ROS_DOMAIN_ID': str(self.domain),
             'PYTHONUNBUFFERED': '1'}
         self._processes = []
+
+    @property
+    def bag(self):
+        """Where the first run of a plan under fbff goes."""
+        return self.directory / 'out' / 'bags' / '000_fbff_triangle_1um_300hz'
 
     def piezo(self, *arguments):
         """Start the command; ``run`` gets the namespace of this rig."""
@@ -170,6 +177,36 @@ def write_plan(tmp_path_factory):
         return path
 
     return write
+
+
+@pytest.fixture
+def start_long(rig, write_plan):
+    """Start a run that takes minutes; return its command once samples are on the disk."""
+    def start(processes):
+        # 100 000 loops, and where they are quick ten million.
+        plan = write_plan('fbff', periods=300 if processes == '--separate' else 30_000)
+        command = rig.piezo('run', plan, '-o', rig.directory / 'out', processes)
+        wait_until(
+            lambda: command.exit_code is not None or any(
+                file.stat().st_size > 20_000 for file in rig.bag.glob('*.mcap')),
+            'the first samples on the disk')
+        assert command.exit_code is None, command.output
+        return command
+
+    return start
+
+
+@pytest.fixture(scope='session')
+def assert_whole():
+    """Assert that every stream of a run begins at 0; `read` has refused gaps."""
+    def check(run):
+        assert run.streams == tuple(STREAMS)
+        for stream in run.streams:
+            start, samples = run.whole(stream)
+            assert start == 0
+            assert samples.size > 10
+
+    return check
 
 
 @pytest.fixture(scope='session')

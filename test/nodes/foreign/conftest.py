@@ -104,6 +104,7 @@ class Peer:
         self.wait(lambda: client.service_is_ready(), f'the service {name}')
         future = client.call_async(request)
         self.wait(future.done, f'an answer of {name}')
+        self.node.destroy_client(client)
         return future.result()
 
     def change_state(self, node, transition):

@@ -1,0 +1,75 @@
+"""Ctrl-C at any moment, and a killed supervisor: no process stays, every bag is readable."""
+
+import json
+import signal
+import time
+
+import pytest
+from rosbags.rosbag2 import Reader
+
+from piezo_ros.bag import read
+
+KILL, TERM, INT = signal.SIGKILL, signal.SIGTERM, signal.SIGINT
+
+
+@pytest.mark.parametrize('processes', ['--separate', '--composed'])
+@pytest.mark.parametrize('number', [INT, TERM])
+def test_a_run_that_is_stopped_leaves_a_readable_bag(
+        rig, start_long, assert_whole, processes, number):
+    command = start_long(processes)
+    command.send(number)
+    assert command.wait() == 1
+    assert f'stopped by {number.name}; the voltage deviation is 0 V' in command.output
+    assert not rig.nodes()
+    run = read(rig.bag)
+    assert_whole(run)
+    assert not run.lost
+
+
+# Seconds into start-up: interpreter, imports, first nodes, discovery, first samples. Which of them
+# a moment meets depends on the machine; all of them must end alike.
+@pytest.mark.parametrize('moment_s', [0.05, 0.3, 0.8, 1.2, 1.6, 2.0])
+def test_ctrl_c_at_any_moment_of_the_start_leaves_nothing_behind(
+        rig, write_plan, moment_s):
+    command = rig.piezo(
+        'run', write_plan('fbff', periods=300), '-o', rig.directory / 'out', '--separate')
+    time.sleep(moment_s)
+    command.send(INT)
+    # Python itself ends by the signal where it comes before the first line of the command.
+    assert command.wait() in (1, -INT)
+    assert not rig.nodes()
+    if rig.bag.exists():
+        _assert_readable_or_empty(rig.bag)
+
+
+def _assert_readable_or_empty(bag):
+    with Reader(bag) as reader:
+        if reader.message_count == 0:
+            return
+    assert not read(bag).lost
+
+
+def test_ctrl_c_at_the_end_either_stops_the_run_or_lets_it_be_reported(
+        rig, write_plan, until):
+    command = rig.piezo(
+        'run', write_plan('fbff', periods=1), '-o', rig.directory / 'out', '--separate')
+    until(lambda: (rig.bag / 'metadata.yaml').exists(), 'the closed bag')
+    command.send(INT)
+    assert command.wait() in (0, 1)
+    assert not rig.nodes()
+    assert read(rig.bag).whole('displacement')[1].size == 334
+    if command.exit_code == 0:
+        assert json.loads((rig.directory / 'out' / 'report.json').read_text())['runs']
+
+
+@pytest.mark.parametrize('processes', ['--separate', '--composed'])
+def test_no_node_outlives_a_killed_supervisor(
+        rig, start_long, assert_whole, until, processes):
+    command = start_long(processes)
+    assert rig.nodes()
+    command.send(KILL)
+    assert command.wait() == -KILL
+    until(lambda: not rig.nodes(), 'every node to end')
+    run = read(rig.bag)
+    assert_whole(run)
+    assert not run.lost
