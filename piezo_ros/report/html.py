@@ -1,47 +1,55 @@
-"""The report of a set of runs: one self-contained page, its data, its table and its pictures."""
+"""A report: one self-contained page, its data, and its tables and pictures as files."""
 
 import json
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+import math
+from collections.abc import Mapping, Sequence
 from html import escape
 from importlib import resources
 from pathlib import Path
-from re import sub
-from typing import Final
-from urllib.parse import quote
+from typing import Any, Final
 
-from matplotlib.figure import Figure
-
-from piezo_ros.report.comparison import Case, agreement, cases, scheme_label
-from piezo_ros.report.figures import (
-    error_figure,
-    hysteresis_figure,
-    loop_picture,
-    nrmse_figure,
-    tracking_figure,
+from piezo_ros.report.content import (
+    Cell,
+    Column,
+    Content,
+    Facts,
+    Fold,
+    Heading,
+    Paragraph,
+    Picture,
+    Raw,
+    Section,
+    Table,
 )
+from piezo_ros.report.elements import Renderer
 from piezo_ros.report.files import write_atomically
-from piezo_ros.report.rendering import inline_svg, png, svg
+from piezo_ros.report.run_sections import (
+    loop_section,
+    nrmse_sections,
+    pictures_section,
+    results_section,
+    run_facts,
+)
 from piezo_ros.report.score import ScoredRun
-from piezo_ros.report.tables import COLUMNS, Column, write_csv
+from piezo_ros.report.tables import csv_table
 
-__all__ = ['FORMAT_VERSION', 'write_report']
+__all__ = [
+    'FORMAT_VERSION',
+    'Cell',
+    'Column',
+    'Facts',
+    'Fold',
+    'Heading',
+    'Paragraph',
+    'Picture',
+    'Raw',
+    'Section',
+    'Table',
+    'write_page',
+    'write_report',
+]
 
 FORMAT_VERSION: Final = 1
-
-# Columns that the heading of a case already says.
-_CASE_COLUMNS: Final = ('waveform', 'amplitude', 'frequency')
-# A campaign has dozens of cases: beyond these the pictures are folded away.
-_OPEN_CASES: Final = 3
-
-
-@dataclass(frozen=True)
-class _Picture:
-    """One drawn figure: its file name without suffix, its caption and the inline element."""
-
-    name: str
-    caption: str
-    element: str
 
 
 def write_report(
@@ -89,45 +97,96 @@ def write_report(
     """
     if not runs:
         raise ValueError('runs is empty, a report needs at least one run')
+    remarks = [Section('notes', 'Notes', [Paragraph(note) for note in notes])] if notes else []
+    return write_page(
+        directory, title=title, lead=[run_facts(runs)], software=software, command=command,
+        plan=plan, data={'runs': [run.record() for run in runs]},
+        files={'runs.csv': csv_table(runs)},
+        sections=[results_section(runs, 'runs.csv'), loop_section(), *nrmse_sections(runs),
+                  pictures_section(runs), *remarks])
+
+
+def write_page(
+    directory: str | Path,
+    *,
+    title: str,
+    lead: Sequence[Content],
+    sections: Sequence[Section],
+    software: Mapping[str, str],
+    command: str = '',
+    plan: str = '',
+    data: Mapping[str, Any],
+    files: Mapping[str, str | bytes] | None = None,
+) -> Path:
+    """
+    Write report.html, report.json, tables/ (CSV) and figures/ (SVG and PNG).
+
+    The same arguments give the same bytes. Everything is made before anything is written; each
+    file is then replaced atomically, report.html last.
+
+    Parameters
+    ----------
+    directory : str or Path
+        Where to write; made when missing.
+    title : str
+        Heading of the page.
+    lead : sequence of Content
+        What stands between the heading and the contents list.
+    sections : sequence of Section
+        The body; a section on how the page was made, ``made``, follows.
+    software : mapping of str to str
+        Name to version, of everything the numbers may depend on.
+    command, plan : str, optional
+        The command line and the text of the plan that made the numbers.
+    data : mapping
+        The numbers, for report.json: what JSON knows, and finite.
+    files : mapping of str to (str or bytes), optional
+        Further files, by their path below the directory.
+
+    Returns
+    -------
+    Path
+        The written report.html.
+
+    Raises
+    ------
+    ValueError
+        If a number is not finite, two sections have one anchor, or two files one name.
+    TypeError
+        If the data hold what JSON does not know.
+    OSError
+        If a file cannot be written.
+
+    """
     directory = Path(directory)
-    data = {
-        'format_version': FORMAT_VERSION,
-        'title': title,
-        'runs': [run.record() for run in runs],
-        'software': dict(software),
-    }
-    text = json.dumps(data, indent=2, ensure_ascii=False, allow_nan=False)
+    _require_finite(data, 'report.json')
+    whole = {'format_version': FORMAT_VERSION, 'title': title, **data, 'software': dict(software)}
+    text = json.dumps(whole, indent=2, ensure_ascii=False, allow_nan=False)
+    all_sections = [*sections, Section('made', 'How this was made', [
+        Raw(_making(software, plan, command))])]
+    anchors = [section.anchor for section in all_sections]
+    for anchor in anchors:
+        if anchors.count(anchor) > 1:
+            raise ValueError(f'anchor {anchor!r} is that of {anchors.count(anchor)} sections')
+    renderer = Renderer()
+    renderer.files.update(files or {})
+    page = _page(title, all_sections, lead, renderer)
     write_atomically(directory / 'report.json', f'{text}\n')
-    write_csv(directory / 'runs.csv', runs)
-    groups = cases(runs)
-    sections = [
-        _Section('results', 'Results', _results(groups)),
-        _Section('loop', 'The loop', _loop()),
-        *_nrmse_section(groups, directory),
-        _Section('runs', 'Tracking, errors and hysteresis', _pictures(groups, directory)),
-        *([_Section('notes', 'Notes', ''.join(f'<p>{escape(note)}</p>\n' for note in notes))]
-          if notes else []),
-        _Section('made', 'How this was made', _making(software, plan, command)),
-    ]
-    page = directory / 'report.html'
-    write_atomically(page, _page(title, _summary(runs, groups), sections))
-    return page
+    for path, content in renderer.files.items():
+        write_atomically(directory / path, content)
+    write_atomically(directory / 'report.html', page)
+    return directory / 'report.html'
 
 
-@dataclass(frozen=True)
-class _Section:
-    anchor: str
-    title: str
-    body: str
-
-
-def _page(title: str, summary: str, sections: Sequence[_Section]) -> str:
+def _page(
+    title: str, sections: Sequence[Section], lead: Sequence[Content], renderer: Renderer,
+) -> str:
     style = resources.files('piezo_ros.report').joinpath('report.css').read_text('utf-8')
     contents = ''.join(
-        f'<li><a href="#{section.anchor}">{section.title}</a></li>\n' for section in sections)
-    body = ''.join(
-        f'<section id="{section.anchor}">\n<h2>{section.title}</h2>\n{section.body}</section>\n'
+        f'<li><a href="#{section.anchor}">{escape(section.title)}</a></li>\n'
         for section in sections)
+    head = renderer.content(lead, 'lead')
+    body = ''.join(renderer.section(section) for section in sections)
     return f"""<!doctype html>
 <html lang="en">
 <head>
@@ -141,7 +200,7 @@ def _page(title: str, summary: str, sections: Sequence[_Section]) -> str:
 <body>
 <header>
 <h1>{escape(title)}</h1>
-{summary}</header>
+{head}</header>
 <nav aria-label="Contents">
 <ol>
 {contents}</ol>
@@ -151,132 +210,6 @@ def _page(title: str, summary: str, sections: Sequence[_Section]) -> str:
 </body>
 </html>
 """
-
-
-def _summary(runs: Sequence[ScoredRun], groups: Sequence[Case]) -> str:
-    best = min(runs, key=lambda run: run.nrmse_percent)
-    facts = [(str(len(runs)), 'run' if len(runs) == 1 else 'runs'),
-             (str(len(groups)), 'reference' if len(groups) == 1 else 'references'),
-             (f'{best.nrmse_percent:.2f} %', f'least NRMSE ({scheme_label(best.scheme)})')]
-    compared = agreement(runs)
-    if compared.median_deviation_percent is not None:
-        what = 'published number' if compared.numbers == 1 else 'published numbers'
-        facts.append((f'{compared.median_deviation_percent:.1f} %',
-                      f'median deviation from {compared.numbers} {what}'))
-    if compared.pairs:
-        facts.append((f'{compared.same_winner} of {compared.pairs}',
-                      'published verdicts on FF against FBFF confirmed'))
-    items = ''.join(
-        f'<div><dt>{escape(what)}</dt><dd>{escape(value)}</dd></div>\n' for value, what in facts)
-    return f'<dl class="facts">\n{items}</dl>\n'
-
-
-def _results(groups: Sequence[Case]) -> str:
-    columns = [column for column in COLUMNS if column.title not in _CASE_COLUMNS]
-    heads = ''.join(
-        f'<th scope="col"{_alignment(column)}>{escape(column.title)}'
-        f'{f"<small>{escape(column.unit)}</small>" if column.unit else ""}</th>'
-        for column in columns)
-    bodies = ''.join(
-        f'<tbody>\n<tr><th class="case" scope="rowgroup" colspan="{len(columns) + 1}">'
-        f'{escape(case.title)}</th></tr>\n'
-        f'{"".join(_result_row(run, columns) for run in case.runs)}</tbody>\n'
-        for case in groups)
-    return f"""<p>NRMSE is the root mean square of desired minus measured displacement over the
-last whole periods, divided by the peak-to-peak of the desired one. <em>Paper</em> is the number of
-Table 4 in Liu, Shan and Gabbert (2015), <em>deviation</em> how far ours lies above it. The same
-numbers in full precision: <a href="runs.csv">runs.csv</a>,
-<a href="report.json">report.json</a>.</p>
-<div class="wide"><table class="results">
-<thead><tr>{heads}<th scope="col">bag</th></tr></thead>
-{bodies}</table></div>
-"""
-
-
-def _result_row(run: ScoredRun, columns: Sequence[Column]) -> str:
-    first, *others = columns
-    cells = ''.join(f'<td{_alignment(column)}>{_cell(column, run)}</td>' for column in others)
-    return (
-        f'<tr><th scope="row"><span class="chip {_scheme_class(run)}"></span>'
-        f'{escape(first.text(run))}</th>{cells}'
-        f'<td class="bag"><a href="{escape(quote(run.bag))}">{escape(run.bag)}</a></td></tr>\n')
-
-
-def _cell(column: Column, run: ScoredRun) -> str:
-    text = escape(column.text(run))
-    return text.replace('-', '\N{MINUS SIGN}') if column.is_number else text
-
-
-def _alignment(column: Column) -> str:
-    return ' class="number"' if column.is_number else ''
-
-
-def _scheme_class(run: ScoredRun) -> str:
-    """Return the scheme as a class name of report.css, unknown ones without a colour."""
-    return sub(r'[^a-z0-9]+', '-', run.scheme)
-
-
-def _loop() -> str:
-    return f"""<figure>
-{loop_picture()}
-<figcaption>Each arrow is a topic of blocks of samples. The plant answers voltage <i>u</i>[<i>k</i>]
-with displacement <i>y</i>[<i>k</i> + 1]; the demand of the consumer keeps the trajectory from
-running ahead. With FF the feedback path is cut, with FB the feedforward is left out.</figcaption>
-</figure>
-"""
-
-
-def _nrmse_section(groups: Sequence[Case], directory: Path) -> list[_Section]:
-    """Return the section on NRMSE over frequency, empty unless some waveform has two."""
-    figures = []
-    for waveform in dict.fromkeys(case.waveform for case in groups):
-        mine = [case for case in groups if case.waveform == waveform]
-        if len({case.frequency_hz for case in mine}) < 2:
-            continue
-        caption = f'{waveform.capitalize()}: NRMSE over frequency; one panel for each amplitude.'
-        runs = [run for case in mine for run in case.runs]
-        figures.append(_figure(_draw(nrmse_figure, runs, f'nrmse-{waveform}', caption, directory)))
-    return [_Section('nrmse', 'NRMSE over frequency', ''.join(figures))] if figures else []
-
-
-def _pictures(groups: Sequence[Case], directory: Path) -> str:
-    parts = []
-    for number, case in enumerate(groups):
-        name = f'{case.waveform}-{case.amplitude_um:g}um-{case.frequency_hz:g}Hz'
-        drawn = (
-            _draw(tracking_figure, case.runs, f'tracking-{name}',
-                  'Desired and measured displacement, and below their difference.', directory),
-            _draw(error_figure, case.runs, f'error-{name}',
-                  'Error of each run; rows far apart in size have their own scale.', directory),
-            _draw(hysteresis_figure, case.runs, f'hysteresis-{name}',
-                  'Displacement over the voltage at the input of the amplifier.', directory))
-        is_open = ' open' if number < _OPEN_CASES else ''
-        parts.append(
-            f'<details class="case"{is_open}>\n<summary><h3>{escape(case.title)}</h3></summary>\n'
-            f'{"".join(_figure(picture) for picture in drawn)}</details>\n')
-    return ''.join(parts)
-
-
-def _draw(
-    figure_of: Callable[[Sequence[ScoredRun]], Figure], runs: Sequence[ScoredRun], name: str,
-    caption: str, directory: Path,
-) -> _Picture:
-    """Draw a figure into its two files and return it for the page."""
-    stem = sub(r'[^A-Za-z0-9.]+', '-', name)
-    figure = figure_of(runs)
-    document = svg(figure, stem)
-    write_atomically(directory / 'figures' / f'{stem}.svg', document)
-    write_atomically(directory / 'figures' / f'{stem}.png', png(figure))
-    return _Picture(stem, caption, inline_svg(document, escape(caption)))
-
-
-def _figure(picture: _Picture) -> str:
-    files = ', '.join(
-        f'<a href="figures/{picture.name}.{kind}">{kind.upper()}</a>' for kind in ('svg', 'png'))
-    return (
-        f'<figure class="plot">\n{picture.element}\n'
-        f'<figcaption>{escape(picture.caption)} <span class="files">{files}</span></figcaption>\n'
-        '</figure>\n')
 
 
 def _making(software: Mapping[str, str], plan: str, command: str) -> str:
@@ -291,3 +224,15 @@ def _making(software: Mapping[str, str], plan: str, command: str) -> str:
     if rows:
         parts.append(f'<p>The software:</p>\n<table class="software">\n{rows}</table>\n')
     return ''.join(parts)
+
+
+def _require_finite(data: Any, where: str) -> None:
+    """Refuse a number that is not finite, and say where in the data it is."""
+    if isinstance(data, float) and not math.isfinite(data):
+        raise ValueError(f'{where} is {data}, it must be finite; what is unknown is None')
+    if isinstance(data, Mapping):
+        for name, value in data.items():
+            _require_finite(value, f'{where}: {name}' if ':' not in where else f'{where}.{name}')
+    elif isinstance(data, (list, tuple)):
+        for number, value in enumerate(data):
+            _require_finite(value, f'{where}[{number}]')

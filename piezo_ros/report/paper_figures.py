@@ -118,7 +118,7 @@ def loops_figure(uncompensated: Loop, compensated: Loop) -> Figure:
             bottom.plot(abscissa, deviation, color=colour, linewidth=1.0)
             bottom.set_xlabel(loop.input_label)
         axes[0, 0].set_ylabel('displacement (µm)')
-        axes[1, 0].set_ylabel('off a line (µm)')
+        axes[1, 0].set_ylabel('deviation (µm)')
         figure.align_ylabels()
     return figure
 

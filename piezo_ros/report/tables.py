@@ -11,12 +11,12 @@ from piezo_ros.report.comparison import scheme_label
 from piezo_ros.report.files import write_atomically
 from piezo_ros.report.score import ScoredRun
 
-__all__ = ['COLUMNS', 'Column', 'text_table', 'write_csv']
+__all__ = ['COLUMNS', 'RunColumn', 'csv_table', 'text_table', 'write_csv']
 
 _ABSENT: Final = '–'
 
 
-class Column(NamedTuple):
+class RunColumn(NamedTuple):
     """
     One column of a table of runs.
 
@@ -42,18 +42,18 @@ def _or_absent(value: float | None, form: str) -> str:
 
 
 COLUMNS: Final = (
-    Column('scheme', '', lambda run: scheme_label(run.scheme), is_number=False),
-    Column('waveform', '', lambda run: run.waveform, is_number=False),
-    Column('amplitude', 'µm', lambda run: f'{run.amplitude_um:g}'),
-    Column('frequency', 'Hz', lambda run: f'{run.frequency_hz:g}'),
-    Column('m', '', lambda run: str(run.harmonics)),
-    Column('NRMSE', '%', lambda run: f'{run.nrmse_percent:.2f}'),
-    Column('paper', '%', lambda run: _or_absent(run.paper_nrmse_percent, '.2f')),
-    Column('deviation', '%', lambda run: _or_absent(run.deviation_percent, '+.1f')),
-    Column('max error', 'µm', lambda run: f'{run.max_error_um:.3f}'),
-    Column('samples', '', lambda run: str(run.samples)),
-    Column('wall time', 's', lambda run: _or_absent(run.wall_seconds or None, '.2f')),
-    Column('rate', 'samples/s', lambda run: _or_absent(run.samples_per_wall_second, '.0f')),
+    RunColumn('scheme', '', lambda run: scheme_label(run.scheme), is_number=False),
+    RunColumn('waveform', '', lambda run: run.waveform, is_number=False),
+    RunColumn('amplitude', 'µm', lambda run: f'{run.amplitude_um:g}'),
+    RunColumn('frequency', 'Hz', lambda run: f'{run.frequency_hz:g}'),
+    RunColumn('m', '', lambda run: str(run.harmonics)),
+    RunColumn('NRMSE', '%', lambda run: f'{run.nrmse_percent:.2f}'),
+    RunColumn('paper', '%', lambda run: _or_absent(run.paper_nrmse_percent, '.2f')),
+    RunColumn('deviation', '%', lambda run: _or_absent(run.deviation_percent, '+.1f')),
+    RunColumn('max error', 'µm', lambda run: f'{run.max_error_um:.3f}'),
+    RunColumn('samples', '', lambda run: str(run.samples)),
+    RunColumn('wall time', 's', lambda run: _or_absent(run.wall_seconds or None, '.2f')),
+    RunColumn('rate', 'samples/s', lambda run: _or_absent(run.samples_per_wall_second, '.0f')),
 )
 
 
@@ -88,21 +88,19 @@ def text_table(runs: Sequence[ScoredRun]) -> str:
         line(rows[0]), line(rows[1]), rule, *(line(row) for row in rows[2:])))
 
 
-def write_csv(path: Path, runs: Sequence[ScoredRun]) -> None:
+def csv_table(runs: Sequence[ScoredRun]) -> str:
     """
-    Write the results as CSV, numbers in full precision.
+    Return the results as CSV, numbers in full precision.
 
     Parameters
     ----------
-    path : Path
-        The file; replaced atomically.
     runs : sequence of ScoredRun
         One row each, the columns named as in report.json; an absent published number is empty.
 
-    Raises
-    ------
-    OSError
-        If the file cannot be written.
+    Returns
+    -------
+    str
+        A heading and the rows; every line ends in a line feed.
 
     """
     text = io.StringIO(newline='')
@@ -110,4 +108,24 @@ def write_csv(path: Path, runs: Sequence[ScoredRun]) -> None:
     writer = csv.DictWriter(text, names, restval='', lineterminator='\n')
     writer.writeheader()
     writer.writerows(run.record() for run in runs)
-    write_atomically(path, text.getvalue())
+    return text.getvalue()
+
+
+def write_csv(path: Path, runs: Sequence[ScoredRun]) -> None:
+    """
+    Write the results as CSV.
+
+    Parameters
+    ----------
+    path : Path
+        The file; replaced atomically.
+    runs : sequence of ScoredRun
+        As for `csv_table`.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be written.
+
+    """
+    write_atomically(path, csv_table(runs))
