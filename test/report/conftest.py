@@ -36,7 +36,7 @@ def make_run():
     return synthetic_run
 
 
-@pytest.fixture
+@pytest.fixture(scope='session')
 def scored_runs():
     """Three schemes at one point of Table 4, then FF at a point the paper does not have."""
     runs = [
