@@ -3,25 +3,42 @@
 import argparse
 import math
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, Final
 
 import yaml
 
 from piezo_ros.bag import BagError, Run, read
+from piezo_ros.control import TrajectoryParameters
 from piezo_ros.experiment.errors import PlanError
 from piezo_ros.experiment.model_file import BOUND_KIND, FORMAT_VERSION, read_node_model
-from piezo_ros.model import DynamicsParameters, LinearDynamics, ParameterError
+from piezo_ros.model import (
+    DynamicsParameters,
+    HysteresisParameters,
+    LinearDynamics,
+    ParameterError,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from piezo_ros.identification import FrequencyResponse, HysteresisFit
 
 __all__ = ['add_command']
 
-_EXAMPLES = """\
+_EXAMPLES: Final = """\
 examples:
   piezo identify hysteresis bags/bare_triangle -o compensator.yaml --compare
   piezo identify dynamics bags/stepped_sine -o trajectory.yaml
+  piezo identify dynamics bags/bare_sine --compensator compensator.yaml -o trajectory.yaml
+  piezo identify dynamics recorded_by_ros2_bag --trajectory played.yaml -o trajectory.yaml
   piezo identify uncertainty bags/grid_* --model trajectory.yaml -o bound.yaml
 """
+_PLOT_SUFFIX: Final = '.svg'
+_MOST_PLOTTED: Final = 4000  # points of a curve, more cannot be told apart
+# What a kind makes of its bags: each file's name with its text.
+_Files = Mapping[Path, str]
 
 
 def add_command(commands: Any) -> None:
@@ -38,6 +55,9 @@ def add_command(commands: Any) -> None:
         help="number of voltage-limited elements, or 'auto' (default: 10)")
     hysteresis.add_argument(
         '--used', action='store_true', help='the stage was not virgin at the start')
+    hysteresis.add_argument(
+        '--range-v', type=float, nargs=2, metavar=('LOW', 'HIGH'),
+        help='voltages at which the model will be used; warns of what the bags do not cover')
     hysteresis.add_argument(
         '--compare', action='store_true', help='also fit other models to the same bags')
     dynamics = kinds.add_parser(
@@ -62,6 +82,14 @@ def add_command(commands: Any) -> None:
             help='take what is whole of a damaged bag; exit 3')
     for kind in (dynamics, uncertainty):
         kind.add_argument(
+            '--trajectory', type=Path, action='append', metavar='FILE',
+            help='parameters of the trajectory that was played, where the bag does not say them: '
+            'once for all bags or once for each, in their order')
+        kind.add_argument(
+            '--compensator', type=Path, metavar='FILE',
+            help='take the command from the voltage by the hysteresis of this file: for runs of '
+            'the bare actuator')
+        kind.add_argument(
             '--slew-limit-v-per-s', type=float, metavar='S',
             help='of the amplifier, where the bag does not say it')
     hysteresis.set_defaults(function=lambda options: _guarded(_hysteresis, options))
@@ -70,32 +98,47 @@ def add_command(commands: Any) -> None:
 
 
 def _guarded(
-    identify: Callable[[argparse.Namespace, list[Run]], str], options: argparse.Namespace,
+    identify: Callable[[argparse.Namespace, list[Run]], _Files], options: argparse.Namespace,
 ) -> int:
-    if options.output.exists() and not options.force:
-        print(f'piezo: {options.output} exists; --force replaces it', file=sys.stderr)
-        return 2
+    outputs = [options.output]
+    if options.kind == 'hysteresis':
+        outputs.append(options.output.with_suffix(_PLOT_SUFFIX))
+    for path in outputs:
+        if path.exists() and not options.force:
+            print(f'piezo: {path} exists; --force replaces it', file=sys.stderr)
+            return 2
     try:
         runs = [
             read(path, namespace=options.namespace, allow_loss=options.allow_loss)
             for path in options.bags]
-        text = identify(options, runs)
-        options.output.write_text(text, encoding='utf-8')
+        _refuse_different_periods(runs)
+        files = identify(options, runs)
+        for path, text in files.items():
+            path.write_text(text, encoding='utf-8')
     except (BagError, PlanError, ParameterError, ValueError, OSError) as error:
         print(f'piezo: {error}', file=sys.stderr)
         return 1
-    print(f'model: {options.output}')
+    print(f'model: {", ".join(map(str, files))}')
     lost = [f'{run.path}: {loss}' for run in runs for loss in run.lost]
     for loss in lost:
         print(f'piezo: {loss}', file=sys.stderr)
     return 3 if lost else 0
 
 
+def _refuse_different_periods(runs: list[Run]) -> None:
+    first, *others = runs
+    for run in others:
+        if run.sample_period_s != first.sample_period_s:
+            raise BagError(
+                f'{run.path} has the sample period {run.sample_period_s:g} s, {first.path} '
+                f'{first.sample_period_s:g} s: they cannot be identified together')
+
+
 def _source(runs: list[Run]) -> str:
     return ', '.join(str(run.path) for run in runs)
 
 
-def _hysteresis(options: argparse.Namespace, runs: list[Run]) -> str:
+def _hysteresis(options: argparse.Namespace, runs: list[Run]) -> _Files:
     from piezo_ros.identification import compare_hysteresis_models, fit_hysteresis
     if options.elements != 'auto' and not options.elements.isdigit():
         raise ValueError(f"--elements is {options.elements!r}, allowed is a number or 'auto'")
@@ -104,7 +147,7 @@ def _hysteresis(options: argparse.Namespace, runs: list[Run]) -> str:
     displacement_um = [run.displacement_um for run in runs]
     fit = fit_hysteresis(
         voltage_v, displacement_um, elements=elements,  # type: ignore[arg-type]
-        virgin=not options.used)
+        virgin=not options.used, range_v=tuple(options.range_v) if options.range_v else None)
     print(f'{fit.elements} elements, residual {fit.rms_um * 1e3:.3f} nm rms')
     if fit.coverage.warning:
         print(f'piezo: warning: {fit.coverage.warning}', file=sys.stderr)
@@ -115,30 +158,72 @@ def _hysteresis(options: argparse.Namespace, runs: list[Run]) -> str:
             print(
                 f'{row.name:28}{row.parameters_count:>11}{row.rms_um * 1e3:>10.2f}'
                 f'{row.cross_validated_rms_um * 1e3:>20.2f}')
-    return fit.to_parameter_yaml(source=_source(runs))
+    files = {options.output: fit.to_parameter_yaml(source=_source(runs))}
+    try:
+        from piezo_ros.report.rendering import svg
+    except ImportError:  # without matplotlib the model is all the same
+        return files
+    files[options.output.with_suffix(_PLOT_SUFFIX)] = svg(_residual_figure(fit), 'residual')
+    return files
 
 
-def _responses(options: argparse.Namespace, runs: list[Run]) -> list[Any]:
+def _residual_figure(fit: 'HysteresisFit') -> 'Figure':
+    """Return the measured loops above what the model leaves of them."""
+    from matplotlib.figure import Figure
+
+    from piezo_ros.report.rendering import FAINT, SERIES, house_style
+    step = -(-fit.voltage_v.size // _MOST_PLOTTED)
+    voltage_v, displacement_um, residual_um = (
+        values[::step] for values in (fit.voltage_v, fit.displacement_um, fit.residual_um))
+    with house_style():
+        figure = Figure(figsize=(6.4, 5.6), layout='constrained')
+        loops, residual = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
+        loops.plot(voltage_v, displacement_um, color=FAINT, linewidth=0.9, label='measured')
+        loops.plot(
+            voltage_v, displacement_um - residual_um, color=SERIES[0], linewidth=0.7,
+            label=f'MRC, {fit.elements} elements')
+        loops.set_ylabel('displacement (µm)')
+        loops.legend()
+        residual.plot(voltage_v, 1e3 * residual_um, color=SERIES[0], linewidth=0.5)
+        residual.set_xlabel('voltage (V)')
+        residual.set_ylabel('residual (nm)')
+        residual.set_title(f'{1e3 * fit.rms_um:.3g} nm rms', loc='right', fontsize='medium')
+    return figure
+
+
+def _responses(options: argparse.Namespace, runs: list[Run]) -> 'list[FrequencyResponse]':
     from piezo_ros.experiment.recorded_models import recorded_response
+    played = options.trajectory or [None]
+    if len(played) not in (1, len(runs)):
+        raise ValueError(
+            f'--trajectory is given {len(played)} times for {len(runs)} bags, allowed is once or '
+            'once for each')
+    hysteresis = None
+    if options.compensator:
+        hysteresis = read_node_model(options.compensator, 'compensator', HysteresisParameters)
     responses = []
-    for run in runs:
-        response = recorded_response(run, slew_limit_v_per_s=options.slew_limit_v_per_s)
+    for run, path in zip(runs, played * (len(runs) // len(played)), strict=True):
+        trajectory = None if path is None else read_node_model(
+            path, 'trajectory', TrajectoryParameters, {'sample_period_s': run.sample_period_s})
+        response = recorded_response(
+            run, slew_limit_v_per_s=options.slew_limit_v_per_s, trajectory=trajectory,
+            hysteresis=hysteresis)
         for point in response.excluded:
             print(f'left out of {run.path.name}: {point.frequency_hz:g} Hz: {point.reason}')
         responses.append(response)
     return responses
 
 
-def _dynamics(options: argparse.Namespace, runs: list[Run]) -> str:
+def _dynamics(options: argparse.Namespace, runs: list[Run]) -> _Files:
     from piezo_ros.identification import fit_dynamics, merge
     fit = fit_dynamics(
         merge(_responses(options, runs)), maximum_frequency_hz=options.maximum_frequency_hz)
     for name, error in fit.standard_errors.items():
         print(f'{name:32}{fit.values[name]:14.6g} ± {error:.2g}')
-    return fit.to_parameter_yaml(source=_source(runs))
+    return {options.output: fit.to_parameter_yaml(source=_source(runs))}
 
 
-def _uncertainty(options: argparse.Namespace, runs: list[Run]) -> str:
+def _uncertainty(options: argparse.Namespace, runs: list[Run]) -> _Files:
     import numpy as np
 
     from piezo_ros.identification import uncertainty_bound
@@ -154,6 +239,6 @@ def _uncertainty(options: argparse.Namespace, runs: list[Run]) -> str:
     numerator, denominator = (
         np.atleast_1d(part[0][0]).tolist()
         for part in (bound.transfer_function.num, bound.transfer_function.den))
-    return yaml.safe_dump({
+    return {options.output: yaml.safe_dump({
         'format_version': FORMAT_VERSION, 'kind': BOUND_KIND, 'source': _source(runs),
-        'numerator': numerator, 'denominator': denominator}, sort_keys=False)
+        'numerator': numerator, 'denominator': denominator}, sort_keys=False)}

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from piezo_ros.experiment.errors import PlanError
 from piezo_ros.experiment.node_parameters import check_node_parameters
@@ -19,7 +19,9 @@ FORMAT_VERSION = 1
 _Set = TypeVar('_Set', bound=ParameterSet)
 
 
-def read_node_model(path: Path, node: str, parameter_set: type[_Set]) -> _Set:
+def read_node_model(
+    path: Path, node: str, parameter_set: type[_Set], assumed: Mapping[str, Any] | None = None,
+) -> _Set:
     """
     Return a parameter set out of a ROS parameter file.
 
@@ -31,6 +33,8 @@ def read_node_model(path: Path, node: str, parameter_set: type[_Set]) -> _Set:
         The node whose section holds it.
     parameter_set : type of ParameterSet
         Which of the node's parameters.
+    assumed : mapping of str to value, optional
+        What holds where the file does not say otherwise; then come the node's own defaults.
 
     Raises
     ------
@@ -42,7 +46,7 @@ def read_node_model(path: Path, node: str, parameter_set: type[_Set]) -> _Set:
     if node not in sections:
         raise PlanError(f'{path} has no section for {node}')
     try:
-        values = check_node_parameters(node, sections[node])
+        values = check_node_parameters(node, {**(assumed or {}), **sections[node]})
         return parameter_set.from_mapping(
             {name: values[name] for name in parameter_set().to_mapping()})
     except ParameterError as error:

@@ -1,17 +1,26 @@
 """From a recorded bag to what an identification needs: parameters of the nodes, responses."""
 
+import dataclasses
 import math
-from typing import TypeVar
+from typing import Any, Final, TypeVar
 
 from piezo_ros.bag import BagError, Run
 from piezo_ros.control import TrajectoryParameters
+from piezo_ros.control.excitation import Window
 from piezo_ros.control.waveform import excitation_of
 from piezo_ros.identification import Amplifier, FrequencyResponse, frequency_response
-from piezo_ros.model import ParameterSet, RigParameters
+from piezo_ros.identification.frequency_response import ExcludedPoint
+from piezo_ros.model import (
+    HysteresisParameters,
+    MaxwellResistiveCapacitor,
+    ParameterSet,
+    RigParameters,
+)
 
 __all__ = ['recorded_parameters', 'recorded_response']
 
 _Set = TypeVar('_Set', bound=ParameterSet)
+_NOT_RECORDED: Final = 'the record does not hold it as a whole'
 
 
 def recorded_parameters(run: Run, node: str, parameter_set: type[_Set]) -> _Set:
@@ -33,17 +42,26 @@ def recorded_parameters(run: Run, node: str, parameter_set: type[_Set]) -> _Set:
         If the bag does not hold the parameters of the node.
 
     """
-    for name, values in run.parameters.items():
-        if name.rpartition('/')[2] == node:
-            known = parameter_set().to_mapping()
-            return parameter_set.from_mapping(
-                {key: value for key, value in values.items() if key in known})
-    raise BagError(f'{run.path} does not hold the parameters of {node}')
+    values = _values(run, node)
+    if values is None:
+        raise BagError(f'{run.path} does not hold the parameters of {node}')
+    known = parameter_set().to_mapping()
+    return parameter_set.from_mapping(
+        {key: value for key, value in values.items() if key in known})
+
+
+def _values(run: Run, node: str) -> dict[str, Any] | None:
+    """Return what the bag says of a node of the rig; of the only such node, wherever it was."""
+    own = run.parameters.get(f'{run.namespace.rstrip("/")}/{node}')
+    others = [
+        values for name, values in run.parameters.items() if name.rpartition('/')[2] == node]
+    return own if own is not None else others[0] if len(others) == 1 else None
 
 
 def recorded_response(
     run: Run, *, bare: bool = False, closed_loop: bool = False,
-    slew_limit_v_per_s: float | None = None,
+    slew_limit_v_per_s: float | None = None, trajectory: TrajectoryParameters | None = None,
+    hysteresis: HysteresisParameters | None = None,
 ) -> FrequencyResponse:
     """
     Return the frequency response of the compensated (or the bare) actuator in a run.
@@ -51,40 +69,87 @@ def recorded_response(
     Parameters
     ----------
     run : Run
-        A stepped sine or multisine; the parameters of its trajectory tell which.
+        A stepped sine or multisine.
     bare : bool, optional
         From voltage to displacement; from command to displacement by default.
     closed_loop : bool, optional
         From reference to displacement.
     slew_limit_v_per_s : float, optional
         Of the amplifier; what the plant of the bag says by default, or none.
+    trajectory : TrajectoryParameters, optional
+        What was played; what the trajectory node of the bag says by default.
+    hysteresis : HysteresisParameters, optional
+        The command is what this hysteresis makes of the recorded voltage: for runs of the bare
+        actuator, from a virgin stage on, or of another compensator.
 
     Returns
     -------
     FrequencyResponse
-        Micrometres per micrometre (or per volt); points where the amplifier slews or saturates are
-        left out and listed.
+        Micrometres per micrometre (or per volt); points where the amplifier slews or saturates, or
+        that the record does not hold as a whole, are left out and listed.
 
     Raises
     ------
     BagError
-        If the bag lacks the parameters of the trajectory.
+        If the bag lacks a stream or the parameters of the trajectory, or holds no whole point.
     ParameterError
         If the trajectory was no excitation.
+    ValueError
+        If the record is not one of this excitation, or no point is left.
 
     """
-    excitation = excitation_of(recorded_parameters(run, 'trajectory', TrajectoryParameters))
-    amplifier = Amplifier(slew_limit_v_per_s or math.inf)
-    if any(name.rpartition('/')[2] == 'plant' for name in run.parameters):
-        plant = recorded_parameters(run, 'plant', RigParameters)
-        amplifier = Amplifier(
-            slew_limit_v_per_s or plant.slew_limit_v_per_s or math.inf,
-            plant.voltage_minimum_v - plant.operating_point_v,
-            plant.voltage_maximum_v - plant.operating_point_v)
+    if trajectory is None:
+        if _values(run, 'trajectory') is None:
+            raise BagError(
+                f'{run.path} does not say which trajectory was played, which must be told '
+                '(piezo identify: --trajectory FILE)')
+        trajectory = recorded_parameters(run, 'trajectory', TrajectoryParameters)
+    if trajectory.sample_period_s != run.sample_period_s:
+        raise BagError(
+            f'{run.path} has the sample period {run.sample_period_s:g} s, its trajectory '
+            f'{trajectory.sample_period_s:g} s')
+    windows, lost = _windows(run, excitation_of(trajectory).windows)
     if bare:
         input_ = run.voltage_v
+    elif hysteresis is not None:
+        if run.start_index != 0:
+            raise BagError(
+                f'{run.path} begins at sample {run.start_index}: what the hysteresis remembers of '
+                'the samples before is not known')
+        input_ = MaxwellResistiveCapacitor(
+            hysteresis.kappa_um_per_v, hysteresis.saturation_v).forward(run.voltage_v)[0]
     else:
         input_ = run.reference_um if closed_loop else run.command_um
-    return frequency_response(
-        input_, run.displacement_um, run.sample_period_s,
-        excitation=excitation, voltage_v=run.voltage_v, amplifier=amplifier)
+    response = frequency_response(
+        input_, run.displacement_um, run.sample_period_s, excitation=windows,
+        voltage_v=run.voltage_v, amplifier=_amplifier(run, slew_limit_v_per_s))
+    missing = tuple(
+        ExcludedPoint(frequency_hz, trajectory.amplitude, trajectory.offset, _NOT_RECORDED)
+        for window in lost for frequency_hz in window.frequency_hz.tolist())
+    return dataclasses.replace(response, excluded=response.excluded + missing)
+
+
+def _windows(run: Run, windows: tuple[Window, ...]) -> tuple[list[Window], list[Window]]:
+    """Return the windows inside the record, by its first sample, and those that are not."""
+    kept: list[Window] = []
+    lost: list[Window] = []
+    for window in windows:
+        moved = window._replace(
+            start=window.start - run.start_index, stop=window.stop - run.start_index)
+        (kept if 0 <= moved.start and moved.stop <= run.samples else lost).append(moved)
+    if not kept:
+        raise BagError(
+            f'{run.path} has the samples {run.start_index} … {run.start_index + run.samples - 1}, '
+            f'the first frequency of its trajectory needs {windows[0].start} … '
+            f'{windows[0].stop - 1}')
+    return kept, lost
+
+
+def _amplifier(run: Run, slew_limit_v_per_s: float | None) -> Amplifier:
+    if _values(run, 'plant') is None:
+        return Amplifier(slew_limit_v_per_s or math.inf)
+    plant = recorded_parameters(run, 'plant', RigParameters)
+    return Amplifier(
+        slew_limit_v_per_s or plant.slew_limit_v_per_s or math.inf,
+        plant.voltage_minimum_v - plant.operating_point_v,
+        plant.voltage_maximum_v - plant.operating_point_v)
