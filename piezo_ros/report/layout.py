@@ -1,6 +1,7 @@
 """Panels side by side on common axes, and the legend above them."""
 
 import math
+from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 from matplotlib.artist import Artist
@@ -8,13 +9,17 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullLocator, StrMethodFormatter
 
-__all__ = ['WIDTH_IN', 'PanelGrid', 'head', 'panel_grid', 'percent_axis']
+__all__ = ['WIDTH_IN', 'PanelGrid', 'head', 'legend_columns', 'panel_grid', 'percent_axis']
 
 WIDTH_IN: Final = 7.6
 _LEFT_IN: Final = 0.5
 _SINGLE_WIDTH_IN: Final = 4.6
 _PANEL_HEIGHT_IN: Final = 2.05
 _TITLE_IN: Final = 0.22
+# An average letter of the legend, a handle with the space around it, and what both have to fit.
+_LETTER_IN: Final = 0.073
+_HANDLE_IN: Final = 0.46
+_LEGEND_IN: Final = 6.75
 
 
 class PanelGrid(NamedTuple):
@@ -105,6 +110,12 @@ def head(figure: Figure, handles: list[Artist], title: str = '') -> None:
         handles=handles, loc='upper left', ncols=len(handles), borderpad=0, borderaxespad=0.5,
         bbox_to_anchor=(left, 1 - (_TITLE_IN / height_in if title else 0.0)),
         handlelength=1.6, columnspacing=1.8)
+
+
+def legend_columns(labels: Sequence[str]) -> int:
+    """Return how many entries of a legend fit beside each other above a figure of full width."""
+    entry_in = _LETTER_IN * max(len(label) for label in labels) + _HANDLE_IN
+    return max(1, min(len(labels), int(_LEGEND_IN / entry_in)))
 
 
 def percent_axis(panel: Axes, which: str = 'y') -> None:

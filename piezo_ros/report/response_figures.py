@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, MaxNLocator, MultipleLocator, StrMethodFormatter
 from numpy.typing import ArrayLike, NDArray
 
-from piezo_ros.report.layout import WIDTH_IN
+from piezo_ros.report.layout import WIDTH_IN, legend_columns
 from piezo_ros.report.rendering import FAINT, INK, SERIES, house_style
 
 __all__ = [
@@ -27,7 +27,7 @@ _MARKERS: Final = ('o', 's', '^', 'D', 'v', 'P')
 _DASHES: Final = ('solid', 'dashed', 'dotted', 'dashdot')
 # More markers than this become a picture: each would be an element of the page.
 _MANY_POINTS: Final = 2500
-_LEGEND_COLUMNS: Final = 6
+_LEGEND_ROW_IN: Final = 0.2
 _SUPERSCRIPTS: Final = str.maketrans('-0123456789', '⁻⁰¹²³⁴⁵⁶⁷⁸⁹')
 
 
@@ -164,14 +164,16 @@ def response_figure(
     decibels = smallest <= 0.0 or largest / smallest > _LINEAR_RANGE
     count = sum(len(polar.magnitude) for curve, polar in zip(curves, polars, strict=True)
                 if curve.style == 'points')
-    rows = math.ceil(len(curves) / _LEGEND_COLUMNS)
-    height_in = 4.75 + 0.2 * (rows - 1)
+    columns = legend_columns([curve.label for curve in curves])
+    rows = math.ceil(len(curves) / columns)
+    more_in = _LEGEND_ROW_IN * (rows - 1)
+    height_in = 4.75 + more_in
     with house_style():
         figure = Figure(figsize=(WIDTH_IN, height_in))
         top, bottom = figure.subplots(
             2, 1, sharex=True,
             gridspec_kw={'height_ratios': (3, 2), 'hspace': 0.1, 'left': 0.1, 'right': 0.985,
-                         'top': 1 - (0.56 + 0.2 * (rows - 1)) / height_in,
+                         'top': 1 - (0.56 + more_in) / height_in,
                          'bottom': 0.48 / height_in})
         for curve, polar, (colour, line, marker) in zip(
                 curves, polars, _looks(curves), strict=True):
@@ -199,8 +201,8 @@ def response_figure(
             top.set_ylim(bottom=0.0)
         top.set_title(title, loc='left', fontsize=10.5, fontweight='bold',
                       pad=8 + 14.5 * rows)
-        top.legend(loc='lower left', bbox_to_anchor=(0, 1), ncols=min(len(curves), _LEGEND_COLUMNS),
-                   borderpad=0, borderaxespad=0.35, handlelength=1.4, columnspacing=1.5)
+        top.legend(loc='lower left', bbox_to_anchor=(0, 1), ncols=columns, borderpad=0,
+                   borderaxespad=0.35, handlelength=1.4, columnspacing=1.5)
         figure.align_ylabels()
     return figure
 
@@ -237,13 +239,18 @@ def uncertainty_figure(
         raise ValueError(
             f'frequency_hz has shape {frequency.shape} and uncertainty {size.shape}, they must be '
             'equally long and not empty')
+    measured = 'measured |Δ|'
+    columns = legend_columns([measured, *(bound.label for bound in bounds)])
+    more_in = _LEGEND_ROW_IN * (math.ceil((1 + len(bounds)) / columns) - 1)
+    height_in = 3.7 + more_in
     with house_style():
-        figure = Figure(figsize=(WIDTH_IN, 3.7))
+        figure = Figure(figsize=(WIDTH_IN, height_in))
         axes = figure.subplots(gridspec_kw={
-            'left': 0.1, 'right': 0.985, 'top': 0.905, 'bottom': 0.135})
+            'left': 0.1, 'right': 0.985, 'top': 1 - (0.35 + more_in) / height_in,
+            'bottom': 0.5 / height_in})
         axes.plot(frequency, size, linestyle='none', marker='o', markersize=3.4, color=FAINT,
                   markeredgewidth=0, alpha=0.55, rasterized=size.size > _MANY_POINTS,
-                  label='measured |Δ|')
+                  label=measured)
         colours = (INK, *SERIES[2:], *SERIES[:2])
         for number, bound in enumerate(bounds):
             axes.plot(np.asarray(bound.frequency_hz), np.asarray(bound.magnitude),
@@ -256,7 +263,7 @@ def uncertainty_figure(
         axes.set_xlabel('frequency (Hz)')
         _logarithmic_frequency(
             axes, [frequency, *(np.asarray(bound.frequency_hz) for bound in bounds)])
-        axes.legend(loc='lower left', bbox_to_anchor=(0, 1), ncols=1 + len(bounds), borderpad=0,
+        axes.legend(loc='lower left', bbox_to_anchor=(0, 1), ncols=columns, borderpad=0,
                     borderaxespad=0.35, handlelength=1.8, columnspacing=1.8)
     return figure
 

@@ -144,6 +144,19 @@ def test_many_points_become_a_picture_inside_the_drawing_and_few_do_not():
     assert images(5000) == 1
 
 
+@pytest.mark.parametrize('count', [1, 6, 13])
+@pytest.mark.parametrize('label', ['1 V', '0.25 µm, offset -0.75 µm, measured'])
+def test_the_legend_fits_between_heading_and_panel(count, label):
+    curves = [ResponseCurve(label, FREQUENCY_HZ, RESPONSE)] * count
+    figure = response_figure(curves, title='G')
+    svg(figure, 'a')  # only what was drawn has a place
+    axes = figure.axes[0]
+    legend, panel = axes.get_legend().get_window_extent(), axes.get_window_extent()
+    assert legend.x1 <= figure.bbox.x1
+    assert legend.y0 >= panel.y1 - 0.5
+    assert legend.y1 <= axes._left_title.get_window_extent().y0 + 1.0
+
+
 def test_uncertainty_is_drawn_by_its_magnitude():
     figure = uncertainty_figure([10.0, 20.0], [0.3 + 0.4j, -0.1], [])
     assert figure.axes[0].get_lines()[0].get_ydata() == pytest.approx([0.5, 0.1])
