@@ -4,7 +4,7 @@ The controller: PI with anti-windup, and the schemes fb, ff, fbff and open_loop.
     fb: v = K e      ff: v = u_ff      fbff: v = K e + u_ff      open_loop: v = y_d
 
 K(s) = kP + kI/s, (8) in Liu 2015, with the backward rectangle rule for the integral; e is formed
-with a measurement that is ``measurement_delay_samples`` old.
+with a measurement that is ``measurement_delay_samples`` old. The scheme auto stands for fbff or ff.
 """
 
 from collections.abc import Callable
@@ -17,6 +17,7 @@ from piezo_ros.model.step import Vector, step
 
 __all__ = [
     'ANTI_WINDUP',
+    'AUTO',
     'SCHEMES',
     'ControllerConstants',
     'ControllerParameters',
@@ -28,6 +29,7 @@ __all__ = [
 ]
 
 SCHEMES = ('fb', 'ff', 'fbff', 'open_loop')
+AUTO = 'auto'
 ANTI_WINDUP = ('clamping', 'back_calculation', 'none')
 CLAMPING, BACK_CALCULATION, NONE = range(3)
 _INTEGRAL_UM, _LAST_COMMAND_UM, _TRANSFER = range(3)
@@ -37,7 +39,9 @@ _INTEGRAL_UM, _LAST_COMMAND_UM, _TRANSFER = range(3)
 class ControllerParameters(ParameterSet):
     """Gains and scheme, Table 2 in Liu 2015 by default."""
 
-    scheme: str = parameter('fbff', '', 'control scheme', choices=SCHEMES)
+    scheme: str = parameter(
+        'fbff', '', 'control scheme; auto: fbff below the feedback-acceptable frequency, ff above',
+        choices=(*SCHEMES, AUTO))
     proportional_gain: float = parameter(
         paper.TABLE_2['proportional_gain'], 'um/um', 'kP', minimum=0.0, maximum=1e6)
     integral_gain_per_s: float = parameter(
@@ -54,23 +58,44 @@ class ControllerParameters(ParameterSet):
         choices=ANTI_WINDUP)
     bumpless_start: bool = parameter(
         True, '', 'preset the integral so that the first command continues the one before')
+    feedback_acceptable_frequency_hz: float = parameter(
+        0.0, 'Hz', 'frequency below which feedback lessens the error of feedforward, (18); for the '
+        'scheme auto, 0: unknown', minimum=0.0, maximum=1e9)
+    scan_frequency_hz: float = parameter(
+        0.0, 'Hz', 'frequency of the scan, for the scheme auto; 0: unknown',
+        minimum=0.0, maximum=1e9)
 
     def check_together(self) -> None:
-        """Refuse limits that leave no room."""
+        """Refuse limits that leave no room, and auto where nothing is known to decide by."""
         if self.command_minimum_um >= self.command_maximum_um:
             raise ParameterError(
                 f'command_minimum_um is {self.command_minimum_um} um, it must be below '
                 f'command_maximum_um {self.command_maximum_um} um')
+        if self.scheme == AUTO:
+            for name in ('feedback_acceptable_frequency_hz', 'scan_frequency_hz'):
+                if getattr(self, name) == 0.0:
+                    raise ParameterError(
+                        f'scheme is auto, and {name} is 0 Hz, which is unknown; with auto it must '
+                        'be above 0 Hz')
+
+    @property
+    def concrete_scheme(self) -> str:
+        """The scheme, one of `SCHEMES`: what auto stands for at the frequency of the scan."""
+        if self.scheme != AUTO:
+            return self.scheme
+        # |S| < 1 below, (18) in Liu 2015: there feedback lessens what the feedforward leaves.
+        helps = self.scan_frequency_hz < self.feedback_acceptable_frequency_hz
+        return 'fbff' if helps else 'ff'
 
     @property
     def uses_feedback(self) -> bool:
         """Whether the scheme closes the loop."""
-        return self.scheme in ('fb', 'fbff')
+        return self.concrete_scheme in ('fb', 'fbff')
 
     @property
     def uses_feedforward(self) -> bool:
         """Whether the scheme adds the feedforward."""
-        return self.scheme in ('ff', 'fbff')
+        return self.concrete_scheme in ('ff', 'fbff')
 
 
 class ControllerConstants(NamedTuple):

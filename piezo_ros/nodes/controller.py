@@ -1,6 +1,12 @@
 """The controller: reference, feedforward and displacement in, linearised command out."""
 
+from typing import Any
+
+from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
+from rclpy.parameter import Parameter
+
 from piezo_ros.control.controller import (
+    AUTO,
     ControllerParameters,
     controller_constants,
     controller_step,
@@ -28,13 +34,37 @@ class Controller(Stage):
 
     def __init__(self, *, compiled: bool = False) -> None:
         super().__init__('controller', compiled=compiled)
+        self._chosen_scheme = ''
 
     def configure(self) -> None:
-        """Make the constants of the control law."""
+        """Make the constants of the control law; decide what the scheme auto stands for."""
         self._law = read(self, ControllerParameters)
+        if self._law.scheme == AUTO:
+            self._choose_scheme()
         self._flow = read(self, DemandParameters)
         self._constants = controller_constants(
             self._law, self.settings.sample_period_s)
+
+    def _choose_scheme(self) -> None:
+        """Take the scheme that auto stands for, as the parameter, so that bags tell of it too."""
+        law = self._law
+        self._chosen_scheme = law.concrete_scheme
+        self._law = law.replaced(scheme=self._chosen_scheme)
+        self.set_parameters([Parameter('scheme', value=self._chosen_scheme)])
+        self.get_logger().info(
+            f'scheme auto is {self._chosen_scheme}: the scan has {law.scan_frequency_hz:g} Hz, '
+            f'feedback is acceptable below {law.feedback_acceptable_frequency_hz:g} Hz')
+
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Forget what auto stood for, unless somebody has set another scheme."""
+        if self._chosen_scheme == self.get_parameter('scheme').value:
+            self.set_parameters([Parameter('scheme', value=AUTO)])
+        self._chosen_scheme = ''
+        return super().on_cleanup(state)
+
+    def status_fields(self) -> dict[str, Any]:
+        """Return the scheme that is in use."""
+        return {'scheme': self._law.scheme}
 
     def create_endpoints(self) -> None:
         """Create the publisher of the demand."""

@@ -212,3 +212,36 @@ def test_a_reset_state_forgets_everything():
     assert loop.state != initial_state(parameters)
     assert initial_state(parameters) == initial_state(parameters)
     assert initial_state(parameters).memory[:2] == [0.0, 0.0]
+
+
+@pytest.mark.parametrize(('scan_hz', 'acceptable_hz', 'scheme'), [
+    (300.0, 450.0, 'fbff'), (450.0, 450.0, 'ff'), (800.0, 450.0, 'ff')])
+def test_auto_is_fbff_below_the_feedback_acceptable_frequency_and_ff_above(
+        scan_hz, acceptable_hz, scheme):
+    auto = parameters_of(
+        'auto', scan_frequency_hz=scan_hz, feedback_acceptable_frequency_hz=acceptable_hz)
+    concrete = parameters_of(scheme)
+    assert auto.concrete_scheme == scheme
+    assert (auto.uses_feedback, auto.uses_feedforward) == (scheme == 'fbff', True)
+    assert controller_constants(auto, PERIOD_S) == controller_constants(concrete, PERIOD_S)
+    streams = random_streams()
+    assert commands(auto, streams).tobytes() == commands(concrete, streams).tobytes()
+
+
+@pytest.mark.parametrize('scheme', SCHEMES)
+def test_the_frequencies_have_no_part_in_a_scheme_that_is_given(scheme):
+    given_too = parameters_of(
+        scheme, scan_frequency_hz=100.0, feedback_acceptable_frequency_hz=200.0)
+    assert given_too.concrete_scheme == parameters_of(scheme).concrete_scheme == scheme
+
+
+@pytest.mark.parametrize(('values', 'unknown'), [
+    ({}, 'feedback_acceptable_frequency_hz'),
+    ({'scan_frequency_hz': 300.0}, 'feedback_acceptable_frequency_hz'),
+    ({'feedback_acceptable_frequency_hz': 450.0}, 'scan_frequency_hz'),
+])
+def test_auto_without_both_frequencies_is_refused(values, unknown):
+    with pytest.raises(ParameterError) as refusal:
+        ControllerParameters(scheme='auto', **values)
+    assert str(refusal.value) == (
+        f'scheme is auto, and {unknown} is 0 Hz, which is unknown; with auto it must be above 0 Hz')
