@@ -1,26 +1,32 @@
 """Plans: which runs to do, read from YAML and checked before anything is started."""
 
 import itertools
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Final, TypeVar
+from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 from piezo_ros.control import ControllerParameters, TrajectoryParameters
 from piezo_ros.control.waveform import EXCITATIONS
+from piezo_ros.experiment.automatic import AUTO, KNOWN_STAGES, Prediction, known_rig, predict
 from piezo_ros.experiment.errors import PlanError
+from piezo_ros.experiment.model_file import read_bound
 from piezo_ros.experiment.node_parameters import check_node_parameters
 from piezo_ros.experiment.parameter_file import read_parameter_file, read_yaml
 from piezo_ros.model import HysteresisParameters, ParameterError, ParameterSet, RigParameters
 
-__all__ = ['STAGES', 'STUDIES', 'Plan', 'PlannedRun', 'plan_run', 'read_plan']
+if TYPE_CHECKING:
+    from piezo_ros.identification.linear_plant import Bound
+
+__all__ = ['STAGES', 'STUDIES', 'Known', 'Plan', 'PlannedRun', 'plan_run', 'read_plan']
 
 _Set = TypeVar('_Set', bound=ParameterSet)
 STAGES: Final = ('compensator', 'controller', 'plant', 'trajectory')
 FORMAT_VERSION: Final = 1
 _PLAN_KEYS: Final = (
-    'format_version', 'title', 'parameter_files', 'sample_period_s', 'score_periods', 'runs',
-    'study')
+    'format_version', 'title', 'parameter_files', 'known_rig_files', 'uncertainty_bound_file',
+    'sample_period_s', 'score_periods', 'runs', 'study')
+_RUN_KEYS: Final = ('runs', 'known_rig_files', 'uncertainty_bound_file')
 STUDIES: Final = ('paper',)
 # The keys of a run that are short for a parameter of a node; every other key names a node.
 _SHORT_KEYS: Final = {
@@ -50,11 +56,14 @@ class PlannedRun:
         Name of its directories, unique within the plan.
     parameters : mapping of str to mapping
         Stage (node name) to all of its parameters.
+    prediction : Prediction or None
+        What was decided for the run and why, where its scheme or harmonics were ``auto``.
 
     """
 
     name: str
     parameters: Mapping[str, Mapping[str, Any]]
+    prediction: Prediction | None = None
 
     @property
     def bare(self) -> bool:
@@ -85,6 +94,24 @@ class PlannedRun:
     def trajectory(self) -> TrajectoryParameters:
         """The desired trajectory."""
         return _subset(TrajectoryParameters, self.parameters['trajectory'])
+
+
+@dataclass(frozen=True)
+class Known:
+    """
+    What a plan tells of the rig beside its stages, for the runs that leave something to ``auto``.
+
+    Attributes
+    ----------
+    sections : mapping of str to mapping
+        Stage to parameters, out of ``known_rig_files``.
+    bound : control.TransferFunction or None
+        W(s), out of ``uncertainty_bound_file``.
+
+    """
+
+    sections: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    bound: 'Bound | None' = None
 
 
 @dataclass(frozen=True)
@@ -125,6 +152,7 @@ def read_plan(path: Path) -> Plan:
     ----------
     path : Path
         A YAML file; see config/experiments/demo.yaml. A list in a run stands for one run each.
+        ``auto`` for scheme or harmonics is decided here, see config/experiments/automatic.yaml.
 
     Returns
     -------
@@ -145,12 +173,7 @@ def read_plan(path: Path) -> Plan:
     version = content.get('format_version')
     if version != FORMAT_VERSION:
         raise PlanError(f'{path}: format_version is {version!r}, only {FORMAT_VERSION} is known')
-    base: dict[str, dict[str, Any]] = {stage: {} for stage in STAGES}
-    for name in _list(path, 'parameter_files', content.get('parameter_files', [])):
-        file = path.parent / str(name)
-        for stage, values in read_parameter_file(file, STAGES).items():
-            _check(str(file), stage, values)
-            base[stage].update(values)
+    base = _read_sections(path, content, 'parameter_files', STAGES)
     if 'sample_period_s' in content:
         for stage in STAGES:
             base[stage]['sample_period_s'] = content['sample_period_s']
@@ -159,10 +182,15 @@ def read_plan(path: Path) -> Plan:
         if content['study'] not in STUDIES:
             raise PlanError(
                 f'{path}: study is {content["study"]!r}, allowed are {", ".join(STUDIES)}')
-        if 'runs' in content:
-            raise PlanError(f'{path}: a study makes its own runs, there must be no key runs')
+        for key in _RUN_KEYS:
+            if key in content:
+                raise PlanError(f'{path}: a study makes its own runs, there must be no key {key}')
         return Plan(path, title, 4.0, (), base, str(content['study']))
     entries = _list(path, 'runs', content.get('runs'))
+    score_periods = content.get('score_periods', 4)
+    if isinstance(score_periods, bool) or not isinstance(score_periods, int | float):
+        raise PlanError(f'{path}: score_periods is {score_periods!r}, it must be a number')
+    known = _read_known(path, content)
     runs: list[PlannedRun] = []
     for number, entry in enumerate(entries, start=1):
         where = f'{path}: run {number}'
@@ -170,12 +198,11 @@ def read_plan(path: Path) -> Plan:
             raise PlanError(f'{where} is {entry!r}, it must be a mapping')
         _refuse_unknown(where, entry, (*_SHORT_KEYS, *STAGES))
         for combination in _combinations(where, entry):
-            runs.append(plan_run(base, combination, where=where, number=len(runs)))
+            runs.append(plan_run(
+                base, combination, where=where, number=len(runs), known=known,
+                score_periods=score_periods))
     if not runs:
         raise PlanError(f'{path}: runs is empty')
-    score_periods = content.get('score_periods', 4)
-    if isinstance(score_periods, bool) or not isinstance(score_periods, int | float):
-        raise PlanError(f'{path}: score_periods is {score_periods!r}, it must be a number')
     for run in runs:
         periods = run.trajectory.periods
         if not 0.0 < score_periods <= periods:
@@ -183,6 +210,28 @@ def read_plan(path: Path) -> Plan:
                 f'{path}: score_periods is {score_periods}, allowed is 0 … {periods} '
                 f'(periods of {run.name})')
     return Plan(path, title, float(score_periods), tuple(runs), base)
+
+
+def _read_sections(
+    path: Path, content: Mapping[str, Any], key: str, stages: Sequence[str],
+) -> dict[str, dict[str, Any]]:
+    """Return the parameters that some parameter files of a plan give to each stage."""
+    sections: dict[str, dict[str, Any]] = {stage: {} for stage in stages}
+    for name in _list(path, key, content.get(key, [])):
+        file = path.parent / str(name)
+        for stage, values in read_parameter_file(file, stages).items():
+            _check(str(file), stage, values)
+            sections[stage].update(values)
+    return sections
+
+
+def _read_known(path: Path, content: Mapping[str, Any]) -> Known:
+    sections = _read_sections(path, content, 'known_rig_files', KNOWN_STAGES)
+    if content.get('known_rig_files') and not any(sections.values()):
+        raise PlanError(
+            f'{path}: known_rig_files say nothing of {", ".join(KNOWN_STAGES)}')
+    file = content.get('uncertainty_bound_file')
+    return Known(sections, None if file is None else read_bound(path.parent / str(file)))
 
 
 def _combinations(where: str, entry: Mapping[str, Any]) -> list[dict[str, Any]]:
@@ -198,7 +247,7 @@ def _combinations(where: str, entry: Mapping[str, Any]) -> list[dict[str, Any]]:
 
 def plan_run(
     base: Mapping[str, Mapping[str, Any]], entry: Mapping[str, Any], *, where: str, number: int,
-    name: str = '',
+    name: str = '', known: Known | None = None, score_periods: float = 4.0,
 ) -> PlannedRun:
     """
     Check one run and fill in what it does not say.
@@ -215,6 +264,10 @@ def plan_run(
         Number of the run, for its name.
     name : str, optional
         Its name, made of number, scheme and waveform by default.
+    known : Known, optional
+        What is known of the rig beside the run's own models, for what the run leaves to ``auto``.
+    score_periods : float, optional
+        Periods at the end of the run that will be scored.
 
     Raises
     ------
@@ -231,29 +284,70 @@ def plan_run(
     for key, value in entry.items():
         if key in _SHORT_KEYS:
             values[_SHORT_KEYS[key]][key] = value
+    open_ = _take_out_automatic(values)
     parameters = {stage: _check(where, stage, values[stage]) for stage in STAGES}
     periods = {stage: parameters[stage]['sample_period_s'] for stage in STAGES}
     if len(set(periods.values())) > 1:
         raise PlanError(f'{where}: sample_period_s differs between the nodes: {periods}')
-    trajectory = parameters['trajectory']
-    bare = trajectory['output'] == 'voltage'
-    scheme = 'bare' if bare else parameters['controller']['scheme']
-    amplitude = f'{trajectory["amplitude_v"]:g}v' if bare else f'{trajectory["amplitude_um"]:g}um'
-    name = name or (
-        f'{number:03d}_{scheme}_{trajectory["waveform"]}_{amplitude}'
-        f'_{trajectory["frequency_hz"]:g}hz')
     run = PlannedRun(name, parameters)
-    reach_um = run.plant.reach_um
-    if bare:
-        _check_rails(where, run.plant, trajectory['amplitude_v'] + abs(trajectory['offset_v']))
-        return run
-    offset_um = abs(trajectory['offset_um']) if trajectory['waveform'] in EXCITATIONS else 0.0
-    if not 0.0 < trajectory['amplitude_um'] <= reach_um - offset_um:
+    _check_travel(where, run)
+    if open_:
+        run = _decided(where, run, open_, known or Known(), score_periods)
+    return run if name else replace(run, name=_name(run, number))
+
+
+def _take_out_automatic(values: Mapping[str, dict[str, Any]]) -> tuple[str, ...]:
+    """Return which of scheme and harmonics are ``auto``, and put in what is allowed for now."""
+    open_ = []
+    for name, for_now in (('scheme', 'ff'), ('harmonics', 0)):
+        stage = values[_SHORT_KEYS[name]]
+        if stage.get(name) == AUTO:
+            stage[name] = for_now
+            open_.append(name)
+    return tuple(open_)
+
+
+def _decided(
+    where: str, run: PlannedRun, open_: tuple[str, ...], known: Known, score_periods: float,
+) -> PlannedRun:
+    """Return the run with what it leaves open decided."""
+    if run.bare:
+        raise PlanError(
+            f'{where}: {open_[0]} is auto; with output voltage there is neither controller nor '
+            'feedforward, nothing can be decided')
+    if 'scheme' not in open_ and not run.controller.uses_feedforward:
+        return run  # its 0 harmonics are as good as any
+    try:
+        prediction = predict(
+            known_rig(known.sections, run.plant, run.compensator, run.trajectory),
+            run.compensator, run.controller, run.trajectory, open_, bound=known.bound,
+            score_periods=score_periods)
+    except ValueError as error:
+        raise PlanError(f'{where}: {" and ".join(open_)} auto: {error}') from None
+    parameters = {stage: dict(values) for stage, values in run.parameters.items()}
+    parameters['controller']['scheme'] = prediction.scheme
+    parameters['trajectory']['harmonics'] = prediction.harmonics
+    return replace(run, parameters=parameters, prediction=prediction)
+
+
+def _name(run: PlannedRun, number: int) -> str:
+    trajectory = run.trajectory
+    scheme = 'bare' if run.bare else run.controller.scheme
+    amplitude = f'{trajectory.amplitude_v:g}v' if run.bare else f'{trajectory.amplitude_um:g}um'
+    return f'{number:03d}_{scheme}_{trajectory.waveform}_{amplitude}_{trajectory.frequency_hz:g}hz'
+
+
+def _check_travel(where: str, run: PlannedRun) -> None:
+    trajectory, reach_um = run.trajectory, run.plant.reach_um
+    if run.bare:
+        _check_rails(where, run.plant, trajectory.amplitude_v + abs(trajectory.offset_v))
+        return
+    offset_um = abs(trajectory.offset_um) if trajectory.waveform in EXCITATIONS else 0.0
+    if not 0.0 < trajectory.amplitude_um <= reach_um - offset_um:
         beside = f', beside the offset of {offset_um:g} um,' if offset_um else ''
         raise PlanError(
-            f'{where}: amplitude_um is {trajectory["amplitude_um"]} um, it must be above 0, and '
+            f'{where}: amplitude_um is {trajectory.amplitude_um} um, it must be above 0, and '
             f'the stage travels{beside} {reach_um:g} um to either side of its operating point')
-    return run
 
 
 def _check_rails(where: str, plant: RigParameters, amplitude_v: float) -> None:
