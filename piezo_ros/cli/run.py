@@ -57,12 +57,17 @@ def _run_live(options: argparse.Namespace) -> int:
     def campaign(plan: Plan) -> int:
         try:
             from piezo_ros.nodes.graph import GraphRunner
+            from piezo_ros.nodes.kept_graph import KeptGraph
         except ImportError as error:
             print(
                 f'piezo run needs ROS 2 ({error}); piezo simulate does without it',
                 file=sys.stderr)
             return 1
         progress = Progress()
+        if plan.study:
+            # Hundreds of short runs: one composed graph is led through all of them.
+            with KeptGraph(options.output, namespace=options.namespace) as graph:
+                return _run(plan, options.output, graph, progress)
         with GraphRunner(
                 options.output, namespace=options.namespace, composed=options.composed,
                 progress=progress.show) as runner:
@@ -102,12 +107,19 @@ def _run(
     progress: Progress,
 ) -> int:
     try:
-        campaign = run_campaign(plan, directory, run, progress.announce)
+        if plan.study:
+            from piezo_ros.experiment.study import run_study
+            from piezo_ros.experiment.study_page import study_summary
+            results, report = run_study(plan, directory, run, progress.announce)
+            summary = study_summary(results)
+        else:
+            campaign = run_campaign(plan, directory, run, progress.announce)
+            report, summary = campaign.report, text_table(campaign.runs)
     except CampaignError as error:
         progress.end()
         print(f'piezo: {error}', file=sys.stderr)
         return 1
     progress.end()
-    print(text_table(campaign.runs))
-    print(f'report: {campaign.report}')
+    print(summary)
+    print(f'report: {report}')
     return 0

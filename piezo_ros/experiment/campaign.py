@@ -13,11 +13,11 @@ from piezo_ros.experiment.plan import Plan, PlannedRun
 from piezo_ros.experiment.provenance import software_versions
 from piezo_ros.report import ScoredRun, score
 
-__all__ = ['Campaign', 'RunResult', 'prepare_directory', 'run_campaign']
+__all__ = ['PLAN_COPY', 'Campaign', 'RunResult', 'prepare_directory', 'run_campaign']
 
 # Only what bears this name is ever deleted: a plan.yaml of the user's own may lie anywhere.
 _MARKER: Final = '.piezo_output'
-_PLAN: Final = 'plan.yaml'
+PLAN_COPY: Final = 'plan.yaml'
 
 
 @dataclass(frozen=True)
@@ -119,7 +119,7 @@ def run_campaign(
     """
     from piezo_ros.report.html import write_report
 
-    shutil.copyfile(plan.path, directory / _PLAN)
+    shutil.copyfile(plan.path, directory / PLAN_COPY)
     scored: list[ScoredRun] = []
     notes: list[str] = []
     failure: CampaignError | None = None
@@ -141,7 +141,7 @@ def run_campaign(
     if scored:
         report = write_report(
             directory, title=plan.title, runs=scored, software=software_versions(),
-            notes=notes, plan=(directory / _PLAN).read_text(encoding='utf-8'),
+            notes=notes, plan=(directory / PLAN_COPY).read_text(encoding='utf-8'),
             command=' '.join(['piezo', *sys.argv[1:]]))
     if failure:
         raise failure

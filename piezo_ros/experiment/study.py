@@ -1,0 +1,79 @@
+"""Does a study: its runs, its results, its report."""
+
+import shutil
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+from piezo_ros.bag import Run, read
+from piezo_ros.experiment.campaign import PLAN_COPY, RunResult, describe
+from piezo_ros.experiment.paper_study import PaperResults, run_paper_study
+from piezo_ros.experiment.plan import Plan, PlannedRun
+from piezo_ros.experiment.provenance import software_versions
+from piezo_ros.experiment.study_page import write_study_page
+from piezo_ros.experiment.study_record import study_record
+
+__all__ = ['run_study']
+
+
+def run_study(
+    plan: Plan,
+    directory: Path,
+    run: Callable[[PlannedRun, Path], RunResult],
+    announce: Callable[[str], None] = lambda text: None,
+) -> tuple[PaperResults, Path]:
+    """
+    Do every run of a study and write its report.
+
+    Parameters
+    ----------
+    plan : Plan
+        A plan with a study.
+    directory : Path
+        As `prepare_directory` leaves it.
+    run : callable
+        Does one run into the bag directory it is given.
+    announce : callable, optional
+        Is told of each run before it starts.
+
+    Returns
+    -------
+    results : PaperResults
+        All results.
+    report : Path
+        The written report.html.
+
+    Raises
+    ------
+    CampaignError
+        If a run does not come to its end; the bags of those before it stay.
+
+    """
+    copy = directory / PLAN_COPY
+    shutil.copyfile(plan.path, copy)
+    count = 0
+    wall_seconds: dict[str, float] = {}
+
+    def execute(planned_runs: Sequence[PlannedRun]) -> Iterator[Run]:
+        nonlocal count
+        for planned in planned_runs:
+            count += 1
+            announce(f'[{count}] {planned.name}: {describe(planned)}')
+            bag = directory / 'bags' / planned.name
+            wall_seconds[planned.name] = run(planned, bag).wall_seconds
+            yield read(bag)
+
+    results = run_paper_study(plan.base, execute)
+    record: dict[str, Any] = {
+        'title': plan.title,
+        **study_record(results, {
+            scheme: f'bags/scan_{scheme}' for scheme in results.scans}),
+        'software': software_versions(),
+    }
+    for row in record['runs']:
+        row['wall_seconds'] = wall_seconds[f'scan_{row["scheme"]}']
+    report = write_study_page(
+        directory, results, record, plan=copy.read_text(encoding='utf-8'),
+        command=' '.join(['piezo', *sys.argv[1:]]))
+    return results, report

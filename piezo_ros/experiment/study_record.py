@@ -1,0 +1,143 @@
+"""The numbers of a study for programs: what report.json holds beside the page."""
+
+import math
+from typing import Any
+
+import numpy as np
+
+from piezo_ros import paper
+from piezo_ros.experiment.paper_study import Crossing, PaperResults, StaticLoop
+from piezo_ros.experiment.tracking_table import Agreement, agreement, published_errors
+from piezo_ros.report import nrmse
+from piezo_ros.report.metrics import tail
+
+__all__ = ['held_out', 'study_record', 'within_published_band']
+
+FORMAT_VERSION = 1
+_PERCENT = 100.0
+_BAND_TOLERANCE_HZ = 50.0
+HELD_OUT_ROWS_UM = (1.0, 2.0)
+
+
+def study_record(results: PaperResults, bags: dict[str, str]) -> dict[str, Any]:
+    """
+    Return the content of report.json, without versions.
+
+    Parameters
+    ----------
+    results : PaperResults
+        The study.
+    bags : dict of str to str
+        Scheme to the bag of its scan, relative to the report.
+
+    Returns
+    -------
+    dict
+        runs, table3, table4 and its re-identified and automatic forms, nonlinearity, margins,
+        identified, agreement.
+
+    """
+    identified = results.dynamics
+    return {
+        'format_version': FORMAT_VERSION,
+        'runs': [_scan(results, scheme, bags.get(scheme, '')) for scheme in results.scans],
+        'table3': [_crossing(crossing) for crossing in results.crossings],
+        'table4': _table_4(results, results.table_4_published),
+        'table4_identified': _table_4(results, results.table_4_identified),
+        'table4_automatic': [
+            {**row, 'harmonics_ff': ff.harmonics, 'harmonics_fbff': fbff.harmonics}
+            for row, (ff, fbff) in zip(
+                _table_4(results, results.table_4_automatic), results.harmonics, strict=True)],
+        'agreement': {
+            'all': _agreement(results, np.ones(len(results.cells), dtype=bool)),
+            'held_out_rows': _agreement(results, held_out(results)),
+        },
+        'nonlinearity': {
+            'uncompensated': _nonlinearity(results.uncompensated),
+            'compensated': _nonlinearity(results.compensated),
+            'compensated_identified': _nonlinearity(results.compensated_identified),
+        },
+        'margins': {
+            'published': results.loop_published.record(),
+            'identified': results.loop_identified.record(),
+            'tuned': results.tuning.after.record(),
+        },
+        'identified': {
+            'hysteresis': {
+                **results.hysteresis.parameters.to_mapping(),
+                'rms_um': results.hysteresis.rms_um},
+            'dynamics': {
+                name: {'value': value, 'standard_error': identified.standard_errors[name]}
+                for name, value in identified.values.items()},
+            'uncertainty': {
+                'numerator': results.uncertainty.numerator.tolist(),
+                'denominator': results.uncertainty.denominator.tolist(),
+                'mean_excess_db': results.uncertainty.mean_excess_db,
+                'smallest_margin': results.uncertainty.smallest_margin},
+            'controller': {
+                'proportional_gain': results.tuning.proportional_gain,
+                'integral_gain_per_s': results.tuning.integral_gain_per_s},
+        },
+    }
+
+
+def held_out(results: PaperResults) -> np.ndarray[Any, np.dtype[np.bool_]]:
+    """Return which conditions the calibration of the rig never saw, shape (conditions,)."""
+    return np.array([amplitude_um in HELD_OUT_ROWS_UM for amplitude_um, _ in results.cells])
+
+
+def within_published_band(crossing: Crossing) -> bool:
+    """Return whether a crossing lies in the published band, or within 50 Hz of it."""
+    low_hz, high_hz = paper.TABLE_3[crossing.amplitude_um]
+    return bool(
+        low_hz - _BAND_TOLERANCE_HZ <= crossing.crossing_hz <= high_hz + _BAND_TOLERANCE_HZ)
+
+
+def _scan(results: PaperResults, scheme: str, bag: str) -> dict[str, Any]:
+    run = results.scans[scheme]
+    frequency_hz, amplitude_um = 300.0, 2.5
+    window = tail(run.samples, frequency_hz, run.sample_period_s, 4.0)
+    reference_um, displacement_um = run.reference_um[window], run.displacement_um[window]
+    record: dict[str, Any] = {
+        'scheme': scheme, 'waveform': 'triangle', 'amplitude_um': amplitude_um,
+        'frequency_hz': frequency_hz, 'harmonics': paper.HARMONICS,
+        'nrmse_percent': _PERCENT * nrmse(reference_um, displacement_um),
+        'max_error_um': float(np.abs(reference_um - displacement_um).max()),
+        'bag': bag, 'samples': run.samples,
+    }
+    published = paper.table_4(scheme, amplitude_um, frequency_hz)
+    if published is not None:
+        record['paper_nrmse_percent'] = published
+    if scheme in paper.MAXIMUM_ERROR_300_HZ_UM:
+        record['paper_max_error_um'] = paper.MAXIMUM_ERROR_300_HZ_UM[scheme]
+    return record
+
+
+def _crossing(crossing: Crossing) -> dict[str, Any]:
+    low_hz, high_hz = paper.TABLE_3[crossing.amplitude_um]
+    known = math.isfinite(crossing.crossing_hz)
+    return {
+        'amplitude_um': crossing.amplitude_um,
+        'crossing_hz': crossing.crossing_hz if known else None,
+        'paper_low_hz': low_hz, 'paper_high_hz': high_hz,
+        'within_50_hz': within_published_band(crossing),
+    }
+
+
+def _table_4(results: PaperResults, errors: Any) -> list[dict[str, float]]:
+    return [
+        {'amplitude_um': amplitude_um, 'frequency_hz': frequency_hz, 'ff': float(ff),
+         'fbff': float(fbff), 'paper_ff': float(paper_ff), 'paper_fbff': float(paper_fbff)}
+        for (amplitude_um, frequency_hz), (ff, fbff), (paper_ff, paper_fbff) in zip(
+            results.cells, errors, published_errors(results.cells), strict=True)]
+
+
+def _agreement(results: PaperResults, rows: Any) -> dict[str, float]:
+    found: Agreement = agreement(
+        results.table_4_published[rows], published_errors(results.cells)[rows])
+    return found._asdict()
+
+
+def _nonlinearity(loop: StaticLoop) -> dict[str, float]:
+    return {
+        'input': _PERCENT * loop.nonlinearity.input, 'output': _PERCENT * loop.nonlinearity.output}
