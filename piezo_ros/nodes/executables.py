@@ -35,7 +35,11 @@ def _run(*names: str) -> int:
     classes = [
         getattr(import_module(f'piezo_ros.nodes.{name}'), name.capitalize()) for name in names]
     # Several stages in one process share the time that the compiler's import takes.
-    return host(lambda: [stage(compiled=len(classes) > 1) for stage in classes])
+    code = host(lambda: [stage(compiled=len(classes) > 1) for stage in classes])
+    # While Python shuts down, a signal would kill it, and its exit code would be lost.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    return code
 
 
 def _end_with_parent() -> None:
