@@ -140,9 +140,8 @@ def test_a_replay_from_the_middle_keeps_its_indices(compensator, peer, block):
     np.testing.assert_array_equal(voltage_v, _expected_v())
 
 
-def test_without_a_writer_the_activation_fails_and_names_the_topic(rig, peer):
-    peer.read('voltage')
-    process = rig.node('compensator', handshake_timeout_s=1.0)
+def test_without_a_writer_the_activation_fails_and_names_the_topic(rig):
+    process = rig.node('compensator', handshake_timeout_s=1.0, required_readers=0)
     assert process.wait() == 1
     assert f'{rig.namespace}/command has 0 writers, exactly one is needed' in process.output
     assert 'Traceback' not in process.output
