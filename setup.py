@@ -76,6 +76,7 @@ setup(
     include_package_data=False,
     package_data={
         PACKAGE: ['py.typed'],
+        f'{PACKAGE}.nodes': ['*.xml'],
         f'{PACKAGE}.report': ['*.html', '*.css', '*.svg', '*/*.html', '*/*.css', '*/*.svg'],
     },
     data_files=data_files,

@@ -133,6 +133,10 @@ def run_campaign(
             notes.append(f'The campaign ended at run {number}, {planned.name}: {error}')
             break
         notes += [f'{planned.name}: {note}' for note in result.notes]
+        if planned.prediction:
+            notes.append(
+                f'{planned.name}: predicted NRMSE {planned.prediction.nrmse_percent:.2f} %. '
+                f'{planned.prediction.reason}')
         if not planned.bare:  # it follows no reference
             scored.append(score(
                 read(bag), periods=plan.score_periods, bag=str(bag.relative_to(directory)),

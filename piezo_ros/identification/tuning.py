@@ -121,6 +121,11 @@ class PiTuning:
             f'    proportional_gain: {_yaml_number(loop.proportional_gain)}',
             f'    integral_gain_per_s: {_yaml_number(loop.integral_gain_per_s)}',
         ]
+        if math.isfinite(shape.feedback_acceptable_frequency_hz):
+            # For scheme auto.
+            lines.append(
+                '    feedback_acceptable_frequency_hz: '
+                f'{_yaml_number(shape.feedback_acceptable_frequency_hz)}')
         if loop.sample_period_s is not None:
             lines.append(f'    measurement_delay_samples: {loop.measurement_delay_samples}')
         return '\n'.join(lines) + '\n'
