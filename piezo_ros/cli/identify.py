@@ -178,7 +178,7 @@ def _residual_figure(fit: 'HysteresisFit') -> 'Figure':
     with house_style():
         figure = Figure(figsize=(6.4, 5.6), layout='constrained')
         loops, residual = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
-        loops.plot(voltage_v, displacement_um, color=FAINT, linewidth=0.9, label='measured')
+        loops.plot(voltage_v, displacement_um, color=FAINT, linewidth=2.4, label='measured')
         loops.plot(
             voltage_v, displacement_um - residual_um, color=SERIES[0], linewidth=0.7,
             label=f'MRC, {fit.elements} elements')

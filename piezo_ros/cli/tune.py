@@ -3,7 +3,7 @@
 import argparse
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 from piezo_ros import paper
 from piezo_ros.experiment.errors import PlanError
@@ -15,14 +15,18 @@ if TYPE_CHECKING:
 
 __all__ = ['add_command']
 
-_EXAMPLES = """\
+_EXAMPLES: Final = """\
 examples:
   piezo tune config/trajectory.yaml -o controller.yaml
   piezo tune model.yaml --bound bound.yaml --max-sensitivity 1.5 -o controller.yaml
+  piezo tune slow_stage.yaml --sample-period-s 1e-4 -o controller.yaml
 """
-_ROWS = (
+_GAINS: Final = (
     ('kP', 'proportional_gain', ''),
     ('kI', 'integral_gain_per_s', '1/s'),
+)
+# What means nothing where the loop is not stable.
+_FIGURES: Final = (
     ('gain margin', 'gain_margin', ''),
     ('phase margin', 'phase_margin_deg', 'deg'),
     ('delay margin', 'delay_margin_s', 's'),
@@ -94,6 +98,10 @@ def _tune(options: argparse.Namespace) -> int:
     except (PlanError, ValueError, OSError) as error:
         print(f'piezo: {error}', file=sys.stderr)
         return 1
+    print(
+        f'sampled every {options.sample_period_s:g} s, measurement '
+        f'{options.measurement_delay_samples * options.sample_period_s:g} s old, W(s): '
+        f'{options.bound or "(19) of the paper"}')
     print(_table({'start': tuning.before, 'tuned': tuning.after, 'Table 2': published}))
     print(f'active limits: {", ".join(tuning.active_limits) or "none"}')
     print(f'gains: {options.output}')
@@ -101,10 +109,18 @@ def _tune(options: argparse.Namespace) -> int:
 
 
 def _table(shapes: 'dict[str, LoopShape]') -> str:
-    lines = [f'{"":28}' + ''.join(f'{name:>12}' for name in shapes)]
     records = [shape.record() for shape in shapes.values()]
-    for title, key, unit in _ROWS:
-        values = ''.join(
-            f'{"–":>12}' if record[key] is None else f'{record[key]:12.5g}' for record in records)
-        lines.append(f'{title:28}{values} {unit}'.rstrip())
+    lines = [f'{"":28}' + ''.join(f'{name:>12}' for name in shapes)]
+    for title, key, unit in _GAINS:
+        lines.append(_line(title, [record[key] for record in records], unit))
+    for title, key, unit in _FIGURES:
+        values = [record[key] if record['stable'] else None for record in records]
+        lines.append(_line(title, values, unit))
+    lines.append(f'{"stable":28}' + ''.join(
+        f'{"yes" if record["stable"] else "no":>12}' for record in records))
     return '\n'.join(lines)
+
+
+def _line(title: str, values: list[float | bool | None], unit: str) -> str:
+    columns = ''.join(f'{"–":>12}' if value is None else f'{value:12.5g}' for value in values)
+    return f'{title:28}{columns} {unit}'.rstrip()

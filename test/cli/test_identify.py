@@ -1,0 +1,191 @@
+"""``piezo identify``, and a stage that is not the paper's, by the commands of the README."""
+
+import json
+import re
+import shlex
+import shutil
+import sys
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+import yaml
+
+from piezo_ros.cli.main import main
+from piezo_ros.experiment.plan import read_plan
+
+ROOT = Path(__file__).resolve().parents[2]
+EXAMPLE = ROOT / 'config' / 'examples' / 'slow_stage'
+
+
+def five_commands():
+    """Return the commands of the README, offline and with their wildcards."""
+    text = (ROOT / 'README.md').read_text(encoding='utf-8')
+    section = text.partition('## Your own stage in five commands')[2].partition('\n## ')[0]
+    commands = [shlex.split(line) for line in re.findall(r'^    piezo (.*)$', section, re.M)]
+    return [['simulate', *words[1:]] if words[0] == 'run' else words for words in commands]
+
+
+def parameters(path, node):
+    return yaml.safe_load(path.read_text())[f'/**/{node}']['ros__parameters']
+
+
+def errors(directory):
+    """Return NRMSE in percent by scheme."""
+    report = json.loads((directory / 'report.json').read_text())
+    return {run['scheme']: run['nrmse_percent'] for run in report['runs']}
+
+
+@pytest.fixture(scope='module')
+def stage(tmp_path_factory):
+    """Copy the example, go through the five commands in it, then scan by the data sheet."""
+    directory = tmp_path_factory.mktemp('own') / 'my_stage'
+    shutil.copytree(EXAMPLE, directory)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(directory)
+        for words in five_commands():
+            found = [sorted(map(str, Path().glob(word))) if '*' in word else [word]
+                     for word in words]
+            assert main([word for words in found for word in words]) == 0, words
+        assert main(['simulate', 'untuned.yaml', '-o', 'untuned']) == 0
+    return directory
+
+
+@pytest.fixture(scope='module')
+def triangle(tmp_path_factory):
+    """Record a short decreasing triangle of 3 V, too quick for a good fit."""
+    directory = tmp_path_factory.mktemp('triangle')
+    (directory / 'plan.yaml').write_text(
+        'format_version: 1\nscore_periods: 1\nruns: [{output: voltage, harmonics: 0, periods: 5, '
+        'waveform: decreasing_triangle, frequency_hz: 100.0}]')
+    assert main(['simulate', str(directory / 'plan.yaml'), '-o', str(directory / 'out')]) == 0
+    (bag,) = (directory / 'out' / 'bags').iterdir()
+    return bag
+
+
+@pytest.fixture
+def identify(tmp_path, capsys):
+    output = tmp_path / 'model.yaml'
+
+    def run(*arguments):
+        code = main(['identify', *map(str, arguments), '-o', str(output)])
+        out, err = capsys.readouterr()
+        assert 'Traceback' not in err
+        return code, out, err
+
+    return run
+
+
+def test_there_are_five_commands():
+    assert [words[0] for words in five_commands()] == [
+        'simulate', 'identify', 'identify', 'tune', 'simulate']
+
+
+def test_five_commands_make_another_stage_follow_its_scan(stage):
+    by_data_sheet, identified = errors(stage / 'untuned'), errors(stage / 'scan')
+    assert by_data_sheet.keys() == identified.keys() == {'fb', 'ff', 'fbff'}
+    for scheme in identified:
+        assert identified[scheme] <= 0.5 * by_data_sheet[scheme], scheme
+    # What the README shows, and nothing that any feedforward would reach.
+    assert identified['ff'] < 0.2
+    assert identified['fbff'] < 0.4
+    assert min(by_data_sheet.values()) > 3.0
+
+
+def test_the_models_of_the_other_stage_are_its_own(stage):
+    truth = read_plan(EXAMPLE / 'identify.yaml').runs[0].plant
+    found = parameters(stage / 'trajectory.yaml', 'trajectory')
+    # (6) does not say which pair is the mechanics; the slower one comes first.
+    assert found['natural_frequency_1_rad_per_s'] == pytest.approx(
+        truth.natural_frequency_2_rad_per_s, rel=0.01)
+    assert found['damping_ratio_1'] == pytest.approx(truth.damping_ratio_2, rel=0.05)
+    gains = parameters(stage / 'controller.yaml', 'controller')
+    assert gains['integral_gain_per_s'] < 500.0
+
+
+def test_the_example_needs_no_file_but_its_own(stage):
+    for plan in ('identify.yaml', 'scan.yaml', 'untuned.yaml'):
+        names = yaml.safe_load((EXAMPLE / plan).read_text())['parameter_files']
+        assert all((stage / name).is_file() and '/' not in name for name in names)
+
+
+def test_beside_the_model_of_a_hysteresis_lies_a_picture_of_what_it_leaves(stage):
+    picture = stage / 'compensator.svg'
+    assert ElementTree.parse(picture).getroot().tag.endswith('svg')
+    for words in ('residual (nm)', 'voltage (V)', 'MRC, 10 elements', 'nm rms'):
+        assert words in picture.read_text(encoding='utf-8')
+
+
+def test_without_matplotlib_the_model_is_written_alone(triangle, identify, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, 'piezo_ros.report.rendering', None)
+    code, out, _ = identify('hysteresis', triangle, '--elements', 1)
+    assert code == 0
+    assert (tmp_path / 'model.yaml').is_file()
+    assert not (tmp_path / 'model.svg').exists()
+    assert out.splitlines()[-1] == f'model: {tmp_path / "model.yaml"}'
+
+
+def test_neither_model_nor_picture_is_overwritten_unasked(triangle, identify, tmp_path):
+    for name in ('model.yaml', 'model.svg'):
+        (tmp_path / name).write_text('years of work')
+        code, _, err = identify('hysteresis', triangle, '--elements', 1)
+        assert code == 2
+        assert f'{tmp_path / name} exists; --force replaces it' in err
+        assert (tmp_path / name).read_text() == 'years of work'
+        (tmp_path / name).unlink()
+
+
+def test_a_range_that_the_excitation_does_not_cover_is_warned_of(triangle, identify, tmp_path):
+    code, _, err = identify('hysteresis', triangle, '--elements', 1, '--range-v', -3.5, 2)
+    assert code == 0
+    assert 'warning: the excitation covers -3 … 3 V of the -3.5 … 2 V asked for' in err
+    assert 'WARNING: the excitation covers' in (tmp_path / 'model.yaml').read_text()
+
+
+def test_a_range_that_is_covered_is_not_warned_of(triangle, identify):
+    code, _, err = identify('hysteresis', triangle, '--elements', 1, '--range-v', -3, 2)
+    assert (code, err) == (0, '')
+
+
+@pytest.mark.parametrize(('options', 'complaint'), [
+    (('--elements', 'many'), "--elements is 'many', allowed is a number or 'auto'"),
+    (('--elements', 0), "elements is 0, allowed is 1 … 50 or 'auto'"),
+    (('--range-v', 3, -3), 'range_v is (3.0, -3.0)')])
+def test_what_makes_no_sense_is_refused(triangle, identify, options, complaint):
+    code, _, err = identify('hysteresis', triangle, *options)
+    assert code == 1
+    assert err.startswith(f'piezo: {complaint}')
+
+
+def test_other_models_are_compared_in_a_table(triangle, identify):
+    code, out, _ = identify('hysteresis', triangle, '--elements', 3, '--compare')
+    assert code == 0
+    rows = {line[:28].strip(): line[28:].split() for line in out.splitlines()}
+    assert rows.pop('model') == ['parameters', 'rms', 'nm', 'cross-validated', 'nm']
+    names = ['MRC', 'Prandtl-Ishlinskii', 'Bouc-Wen', 'polynomial']
+    assert [name for name in rows if name in names] == names
+    assert rows['MRC'][0] == '7'
+    assert float(rows['MRC'][2]) < float(rows['polynomial'][2])
+
+
+def test_dynamics_of_the_bare_actuator_need_a_hysteresis(stage, identify):
+    (bag,) = (stage / 'runs' / 'bags').glob('001_*')
+    code, _, err = identify('dynamics', bag)
+    assert code == 1
+    assert "no samples of the stream 'command'" in err
+    code, _, err = identify('dynamics', bag, '--compensator', stage / 'trajectory.yaml')
+    assert code == 1
+    assert 'has no section for compensator' in err
+
+
+def test_a_triangle_is_no_excitation_of_the_dynamics(stage, triangle, identify):
+    code, _, err = identify(
+        'dynamics', triangle, '--compensator', stage / 'compensator.yaml')
+    assert code == 1
+    assert "waveform is 'decreasing_triangle', allowed are stepped_sine, multisine" in err
+
+
+def test_a_bag_that_is_none_fails_in_words(identify, tmp_path):
+    code, _, err = identify('hysteresis', tmp_path / 'nothing')
+    assert code == 1
+    assert 'nothing' in err

@@ -1,0 +1,152 @@
+import pytest
+import yaml
+
+from piezo_ros.cli.main import main
+from piezo_ros.control import ControllerParameters
+from piezo_ros.experiment.parameter_file import read_parameter_file
+from piezo_ros.model import DynamicsParameters
+
+
+def dynamics(directory, **changes):
+    path = directory / 'trajectory.yaml'
+    values = DynamicsParameters(**changes).to_mapping()
+    path.write_text(yaml.safe_dump({'/**/trajectory': {'ros__parameters': values}}))
+    return path
+
+
+@pytest.fixture
+def model(tmp_path):
+    return dynamics(tmp_path)
+
+
+@pytest.fixture
+def output(tmp_path):
+    return tmp_path / 'controller.yaml'
+
+
+@pytest.fixture
+def tune(output, capsys):
+    def run(*arguments):
+        code = main(['tune', *map(str, arguments), '-o', str(output)])
+        out, err = capsys.readouterr()
+        assert 'Traceback' not in err
+        return code, out, err
+
+    return run
+
+
+def table(text):
+    """Return title to the values of start, tuned and Table 2."""
+    rows = text.partition('Table 2\n')[2].partition('active limits')[0].splitlines()
+    return {line[:28].strip(): line[28:64].split() for line in rows}
+
+
+def test_the_gains_stand_beside_those_of_the_paper(model, tune):
+    code, out, _ = tune(model)
+    assert code == 0
+    assert 'sampled every 1e-05 s, measurement 1e-05 s old, W(s): (19) of the paper' in out
+    rows = table(out)
+    published = {name: values[2] for name, values in rows.items()}
+    assert (published['kP'], published['kI']) == ('0.239', '2630')
+    assert rows.keys() >= {
+        'gain margin', 'phase margin', 'delay margin', 'bandwidth', 'max |S|', 'max |W T|',
+        'feedback acceptable below', 'stable'}
+    # The continuous loop of the paper reaches 425 Hz; the delay costs a little.
+    assert float(published['feedback acceptable below']) == pytest.approx(425.0, rel=0.05)
+    assert float(rows['feedback acceptable below'][1]) > float(
+        published['feedback acceptable below'])
+    assert float(rows['max |W T|'][1]) < 1.0
+    assert rows['stable'] == ['yes'] * 3
+
+
+def test_the_file_is_one_that_the_controller_loads(model, tune, output):
+    code, out, _ = tune(model)
+    values = read_parameter_file(output, ['controller'])['controller']
+    gains = ControllerParameters.from_mapping(values)
+    assert code == 0
+    rows = table(out)
+    assert gains.proportional_gain == pytest.approx(float(rows['kP'][1]), rel=1e-4)
+    assert gains.integral_gain_per_s == pytest.approx(float(rows['kI'][1]), rel=1e-4)
+    assert f'# source: {model}' in output.read_text()
+
+
+def test_a_tighter_limit_on_the_sensitivity_is_kept_and_named(model, tune):
+    code, out, _ = tune(model, '--max-sensitivity', 1.3)
+    assert code == 0
+    assert float(table(out)['max |S|'][1]) <= 1.3
+    assert 'active limits: max_sensitivity' in out
+
+
+def test_a_bound_of_ones_own_takes_the_place_of_the_published_one(model, tune, tmp_path):
+    bound = tmp_path / 'bound.yaml'
+    bound.write_text(yaml.safe_dump({
+        'format_version': 1, 'kind': 'uncertainty_bound',
+        'numerator': [1.5, 1.0], 'denominator': [1.0, 10.0]}))
+    code, out, _ = tune(model, '--bound', bound)
+    assert code == 0
+    assert f'W(s): {bound}' in out
+    assert float(table(out)['max |W T|'][1]) < 1.0
+    assert 'active limits: uncertainty_limit' in out
+
+
+@pytest.mark.parametrize(('content', 'complaint'), [
+    ({'format_version': 1}, 'is no uncertainty_bound'),
+    ({'format_version': 2, 'kind': 'uncertainty_bound'}, 'format_version is 2, only 1 is known'),
+    ({'format_version': 1, 'kind': 'uncertainty_bound'}, "'numerator'")])
+def test_a_bound_of_another_kind_is_refused(model, tune, tmp_path, output, content, complaint):
+    bound = tmp_path / 'bound.yaml'
+    bound.write_text(yaml.safe_dump(content))
+    code, _, err = tune(model, '--bound', bound)
+    assert code == 1
+    assert complaint in err
+    assert not output.exists()
+
+
+def test_of_a_loop_that_the_published_gains_make_unstable_no_margin_is_shown(tmp_path, tune):
+    slow = dynamics(
+        tmp_path, natural_frequency_2_rad_per_s=1885.0, damping_ratio_2=0.05,
+        natural_frequency_1_rad_per_s=5027.0, time_constant_s=3.2e-4, zero_b1_rad_per_s=-6000.0,
+        zero_b2_rad2_per_s2=1.44e8, gain_k_rad3_per_s3=1.99e9)
+    code, out, _ = tune(slow, '--sample-period-s', 1e-4)
+    assert code == 0
+    rows = table(out)
+    assert rows['stable'] == ['yes', 'yes', 'no']
+    for name in ('gain margin', 'bandwidth', 'max |S|'):
+        assert rows[name][2] == '–'
+        assert float(rows[name][1]) > 0.0
+    assert float(rows['kI'][1]) < 500.0
+
+
+def test_gains_are_not_overwritten_unasked(model, tune, output):
+    output.write_text('years of work')
+    code, _, err = tune(model)
+    assert code == 2
+    assert f'{output} exists; --force replaces it' in err
+    assert output.read_text() == 'years of work'
+    assert tune(model, '--force')[0] == 0
+    assert 'proportional_gain' in output.read_text()
+
+
+@pytest.mark.parametrize(('options', 'complaint'), [
+    (('--max-sensitivity', 0.9), 'max_sensitivity is 0.9, it must be above 1'),
+    (('--uncertainty-limit', 0.01), 'no gains, however small, are within the limits'),
+    (('--sample-period-s', -1), 'sample_period_s')])
+def test_limits_that_cannot_be_met_fail_in_words(model, tune, output, options, complaint):
+    code, _, err = tune(model, *options)
+    assert code == 1
+    assert err.startswith('piezo: ')
+    assert complaint in err
+    assert not output.exists()
+
+
+@pytest.mark.parametrize(('text', 'complaint'), [
+    ('/**/plant: {ros__parameters: {}}', 'has no section for trajectory'),
+    ('/**/trajectory: {ros__parameters: {damping_ratio_1: -1.0}}', 'damping_ratio_1 is -1.0'),
+    ('a: [', 'is no YAML')])
+def test_a_model_that_is_none_fails_in_words(tmp_path, tune, text, complaint):
+    path = tmp_path / 'other.yaml'
+    path.write_text(text)
+    code, _, err = tune(path)
+    assert code == 1
+    assert err.startswith(f'piezo: {path}')
+    assert complaint in err
