@@ -4,8 +4,6 @@ import argparse
 import sys
 from collections.abc import Sequence
 
-from piezo_ros.cli import bag, bench, calibrate, identify, replay, report, run, tune
-
 __all__ = ['main']
 
 EXIT_DONE, EXIT_FAILED, EXIT_USAGE, EXIT_LOSS = range(4)
@@ -26,6 +24,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
         0 done, 1 failed, 2 usage (also a plan that cannot be run), 3 done with loss.
 
     """
+    try:
+        return _run(arguments)
+    except KeyboardInterrupt:
+        print('piezo: stopped by SIGINT', file=sys.stderr)
+        return EXIT_FAILED
+
+
+def _run(arguments: Sequence[str] | None) -> int:
+    # Here, so that a Ctrl-C in the first moments finds somebody who takes it.
+    from piezo_ros.cli import bag, bench, calibrate, identify, replay, report, run, tune
     parser = argparse.ArgumentParser(
         prog='piezo', description='Piezo nano-positioning on ROS 2: run, analyse, report.')
     commands = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')

@@ -128,6 +128,8 @@ def run_campaign(
         bag = directory / 'bags' / planned.name
         try:
             result = run(planned, bag)
+            if not planned.bare:  # it follows no reference
+                scored.append(_scored(plan, directory, bag, result))
         except CampaignError as error:
             failure = error
             notes.append(f'The campaign ended at run {number}, {planned.name}: {error}')
@@ -137,10 +139,6 @@ def run_campaign(
             notes.append(
                 f'{planned.name}: predicted NRMSE {planned.prediction.nrmse_percent:.2f} %. '
                 f'{planned.prediction.reason}')
-        if not planned.bare:  # it follows no reference
-            scored.append(score(
-                read(bag), periods=plan.score_periods, bag=str(bag.relative_to(directory)),
-                wall_seconds=result.wall_seconds))
     report = directory / 'report.html'
     if scored:
         report = write_report(
@@ -150,6 +148,15 @@ def run_campaign(
     if failure:
         raise failure
     return Campaign(tuple(scored), report)
+
+
+def _scored(plan: Plan, directory: Path, bag: Path, result: RunResult) -> ScoredRun:
+    try:
+        return score(
+            read(bag), periods=plan.score_periods, bag=str(bag.relative_to(directory)),
+            wall_seconds=result.wall_seconds)
+    except ValueError as error:
+        raise CampaignError(f'{bag} cannot be scored: {error}') from None
 
 
 def describe(planned: PlannedRun) -> str:

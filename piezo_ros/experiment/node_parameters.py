@@ -61,7 +61,7 @@ class SafetyParameters(ParameterSet):
         minimum=0.01, maximum=1e6)
     safe_slew_v_per_s: float = parameter(
         1000.0, 'V/s', 'how fast the voltage goes to zero deviation at the end',
-        minimum=1e-3, maximum=1e9)
+        minimum=1.0, maximum=1e9)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,8 +8,6 @@ even when this process is killed.
 import json
 import os
 import signal
-import subprocess
-import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -17,27 +15,21 @@ from typing import Any, Final
 
 import rclpy
 import yaml
-from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import String
 
-from piezo_ros.bag import STREAMS, BagError, salvage
+from piezo_ros.bag import BagError, salvage
 from piezo_ros.experiment.campaign import RunResult
 from piezo_ros.experiment.errors import CampaignError
 from piezo_ros.experiment.plan import PlannedRun
-from piezo_ros.nodes.executables import PARENT_VARIABLE
 from piezo_ros.nodes.middleware import set_middleware_defaults
+from piezo_ros.nodes.process_group import POLL_S, ProcessGroup
+from piezo_ros.nodes.qos import EVERY_STATUS
+from piezo_ros.nodes.run_parameters import run_parameters
 
 __all__ = ['GraphRunner']
 
-_POLL_S: Final = 0.02
-_BARE_LOOKAHEAD: Final = 1000
 _LAST_STATUS_S: Final = 5.0  # how long to wait for it once all is recorded
-_GRACE_S: Final = ((signal.SIGINT, 10.0), (signal.SIGTERM, 3.0), (signal.SIGKILL, 3.0))
-# Every writer's last status is wanted, not only the newest of all.
-_STATUS_QOS: Final = QoSProfile(
-    history=HistoryPolicy.KEEP_ALL, reliability=ReliabilityPolicy.RELIABLE,
-    durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 class GraphRunner:
@@ -79,7 +71,7 @@ class GraphRunner:
         rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
         self._node = rclpy.create_node('supervisor', namespace=self._namespace)
         self._subscription = self._node.create_subscription(
-            String, 'status', lambda message: None, _STATUS_QOS)
+            String, 'status', lambda message: None, EVERY_STATUS)
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -124,15 +116,15 @@ class GraphRunner:
         names = [*(['recorder'] if self._record else []), *stages]
         try:
             for name in names:
-                run.start(name, arguments, logs)
-            while not (run.over() or run.dead() or self._stop_signal):
+                run.processes.start(name, arguments, logs / f'{name}.log')
+            while not (run.over() or run.processes.dead() or self._stop_signal):
                 self._follow(run)
-                time.sleep(_POLL_S)
+                time.sleep(POLL_S)
             self._follow(run)
             run.stop()
             self._follow(run)
         finally:
-            run.kill()
+            run.processes.kill()
         return self._result(run, bag, logs)
 
     def _on_signal(self, number: int, _frame: Any) -> None:
@@ -140,20 +132,8 @@ class GraphRunner:
 
     def _parameter_files(self, planned: PlannedRun, bag: Path) -> list[str]:
         """Write the parameter file of the run and return the arguments that load it."""
-        # The stages stay until the recorder has all it wants of them.
-        common = {
-            'required_readers': 2 if self._record else 1, 'linger_s': -1.0, 'autostart': True,
-            'compiled': self._composed}
-        sections = {
-            stage: {**planned.parameters[stage], **common} for stage in planned.stages}
-        if planned.bare:
-            # The plant demands; only the recorder reads its displacement.
-            sections['plant'].update(
-                demand_lookahead_samples=_BARE_LOOKAHEAD, required_readers=int(self._record))
-        sections['recorder'] = {
-            'streams': 'voltage,displacement' if planned.bare else ','.join(STREAMS),
-            'bag_directory': str(bag.absolute()), 'linger_s': 0.0, 'parameters_timeout_s': 15.0,
-            'sample_period_s': planned.trajectory.sample_period_s}
+        sections = run_parameters(
+            planned, bag, record=self._record, compiled=self._composed, autostart=True)
         path = self._directory / 'parameters' / f'{planned.name}.yaml'
         path.parent.mkdir(exist_ok=True)
         path.write_text(yaml.safe_dump({
@@ -195,46 +175,23 @@ class _LiveRun:
     def __init__(self, planned: PlannedRun) -> None:
         self.planned = planned
         self.statuses: dict[str, dict[str, Any]] = {}
-        self._processes: dict[str, subprocess.Popen[bytes]] = {}
-        self._blamed: dict[str, int] = {}
+        self.processes = ProcessGroup()
         self._recorded_s = 0.0
         self._stopped_early: dict[str, str] = {}
 
-    def start(self, name: str, arguments: list[str], logs: Path) -> None:
-        """Start one executable, its output into a log."""
-        with (logs / f'{name}.log').open('wb') as log:
-            self._processes[name] = subprocess.Popen(
-                [sys.executable, '-m', 'piezo_ros.nodes.executables', name, *arguments],
-                stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT,
-                # A Ctrl-C shall reach them through this process, in order.
-                start_new_session=True,
-                env={**os.environ, PARENT_VARIABLE: str(os.getpid())})
-
     def over(self) -> bool:
         """Return whether every stream has ended and is recorded."""
-        recorder = self._processes.get('recorder')
-        if recorder is not None and recorder.poll() is None:
+        recorded = 'recorder' in self.processes
+        if recorded and self.processes.runs('recorder'):
             return False
         states = [self.statuses.get(stage, {}).get('state') for stage in self.planned.stages]
         if all(state in ('finished', 'faulted') for state in states):
             return True
-        if recorder is None:
+        if not recorded:
             return False
         # The last statuses may be on their way, or their writers not discovered yet.
         self._recorded_s = self._recorded_s or time.monotonic()
         return time.monotonic() - self._recorded_s > _LAST_STATUS_S
-
-    def going(self) -> bool:
-        """Return whether any process runs."""
-        return any(process.poll() is None for process in self._processes.values())
-
-    def dead(self) -> bool:
-        """Return whether a process ended otherwise than well, and remember it."""
-        for name, process in self._processes.items():
-            code = process.poll()
-            if code:
-                self._blamed.setdefault(name, code)
-        return bool(self._blamed)
 
     @property
     def wall_seconds(self) -> float:
@@ -242,41 +199,26 @@ class _LiveRun:
         return float(self.statuses.get('plant', {}).get('elapsed_s', 0.0))
 
     def stop(self) -> None:
-        """Ask every process to end, and make sure."""
+        """End every process, remembering whose run was over before."""
         self._stopped_early = {
             name: status['reason'] for name, status in self.statuses.items()
             if status['state'] == 'stopped'}
-        for step, grace_s in _GRACE_S:
-            for process in self._processes.values():
-                if process.poll() is None:
-                    process.send_signal(step)
-            deadline = time.monotonic() + grace_s
-            while self.going() and time.monotonic() < deadline:
-                time.sleep(_POLL_S)
-            if not self.going():
-                return
-
-    def kill(self) -> None:
-        """Make sure that no process is left."""
-        for process in self._processes.values():
-            if process.poll() is None:
-                process.kill()
-            process.wait()
+        self.processes.stop()
 
     def problems(self, *, stopped: bool) -> list[str]:
         """Return what went wrong, the first failure only; the others follow from it."""
-        self.dead()
+        self.processes.dead()
         faults = [
             f'{status["node"]}: {status["reason"]}' for status in self.statuses.values()
             if status['state'] == 'faulted']
-        for name, code in self._blamed.items():
+        for name, code in self.processes.blamed.items():
             if code < 0:
                 return [f'{name} was killed by {signal.Signals(-code).name}']
         # Somebody else told them to end; that others had to fail then may be seen before.
         for stage, reason in self._stopped_early.items():
-            name = stage if stage in self._processes else 'loop'
+            name = stage if stage in self.processes else 'loop'
             return [f'{name} was stopped: {reason}', *faults]
-        for name in self._blamed:
+        for name in self.processes.blamed:
             # Who is told to end before its run is over fails, and that is as it should be.
             if not stopped or faults:
                 reason = self.statuses.get(name, {}).get('reason', '')

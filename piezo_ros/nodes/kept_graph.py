@@ -18,25 +18,21 @@ from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.parameter import Parameter
-from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import String
 
-from piezo_ros.bag import STREAMS
 from piezo_ros.experiment.campaign import RunResult
 from piezo_ros.experiment.errors import CampaignError
 from piezo_ros.experiment.plan import PlannedRun
 from piezo_ros.nodes.middleware import set_middleware_defaults
 from piezo_ros.nodes.process_group import POLL_S, ProcessGroup
+from piezo_ros.nodes.qos import EVERY_STATUS
+from piezo_ros.nodes.run_parameters import run_parameters
 
 __all__ = ['KeptGraph']
 
 _START_S: Final = 30.0
 _SERVICE_S: Final = 30.0
-_BARE_LOOKAHEAD: Final = 1000
-_STATUS_QOS: Final = QoSProfile(
-    history=HistoryPolicy.KEEP_ALL, reliability=ReliabilityPolicy.RELIABLE,
-    durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 class KeptGraph:
@@ -68,7 +64,7 @@ class KeptGraph:
         rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
         self._node = rclpy.create_node('supervisor', namespace=self._namespace)
         self._subscription = self._node.create_subscription(
-            String, 'status', self._note, _STATUS_QOS)
+            String, 'status', self._note, EVERY_STATUS)
         self._processes = ProcessGroup()
         logs = self._directory / 'logs'
         logs.mkdir(parents=True, exist_ok=True)
@@ -111,9 +107,10 @@ class KeptGraph:
 
         """
         bag.parent.mkdir(parents=True, exist_ok=True)
-        nodes = ('recorder', *planned.stages)
-        for node in nodes:
-            self._set_parameters(node, self._parameters(planned, bag, node))
+        sections = run_parameters(planned, bag, record=True, compiled=True, autostart=False)
+        nodes = tuple(sections)
+        for node, values in sections.items():
+            self._set_parameters(node, values)
         self._statuses.clear()
         for transition in (Transition.TRANSITION_CONFIGURE, Transition.TRANSITION_ACTIVATE):
             for node in nodes:
@@ -131,21 +128,6 @@ class KeptGraph:
         if faults:
             raise CampaignError('; '.join(faults))
         return RunResult(float(plant['elapsed_s']))
-
-    def _parameters(self, planned: PlannedRun, bag: Path, node: str) -> dict[str, Any]:
-        if node == 'recorder':
-            return {
-                'streams': 'voltage,displacement' if planned.bare else ','.join(STREAMS),
-                'bag_directory': str(bag.absolute()),
-                'sample_period_s': planned.trajectory.sample_period_s}
-        values = {
-            **planned.parameters[node], 'required_readers': 2, 'linger_s': -1.0,
-            'autostart': False, 'compiled': True}
-        if node == 'plant':
-            # The plant demands where there is no controller; only the recorder reads it then.
-            values['demand_lookahead_samples'] = _BARE_LOOKAHEAD if planned.bare else 0
-            values['required_readers'] = 1 if planned.bare else 2
-        return values
 
     def _set_parameters(self, node: str, values: Mapping[str, Any]) -> None:
         request = SetParametersAtomically.Request(parameters=[

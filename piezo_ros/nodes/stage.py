@@ -9,6 +9,7 @@ what that thread wants of a running stage is done by the stream loop between two
 import json
 import threading
 import time
+import traceback
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -192,7 +193,10 @@ class Stage(LifecycleNode):
             return self.poll()
         except StreamFault as fault:
             self.fail(str(fault))
-            return True
+        except Exception as error:  # Whatever it is, the run ends in order and the voltage at zero.
+            self.get_logger().error(traceback.format_exc())
+            self.fail(f'{type(error).__name__}: {error}')
+        return True
 
     def _serve_request(self) -> None:
         request, self._request = self._request, None
@@ -257,7 +261,11 @@ class Stage(LifecycleNode):
         self._reason = reason
         for writer in self.writers.values():
             writer.end()
-        self.quiesce()
+        try:
+            self.quiesce()
+        except Exception:  # The report of how it ended must go out all the same.
+            self.failed = True
+            self.get_logger().error(traceback.format_exc())
         self._report(state)
 
     def await_acknowledgements(self, deadline: float) -> None:

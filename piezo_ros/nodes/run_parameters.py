@@ -1,0 +1,56 @@
+"""What the nodes of a supervised run are told beyond the plan."""
+
+from pathlib import Path
+from typing import Any, Final
+
+from piezo_ros.bag import STREAMS
+from piezo_ros.experiment.plan import PlannedRun
+
+__all__ = ['run_parameters']
+
+_BARE_LOOKAHEAD: Final = 1000
+_PARAMETERS_TIMEOUT_S: Final = 15.0  # a loaded machine takes its time
+
+
+def run_parameters(
+    planned: PlannedRun, bag: Path, *, record: bool, compiled: bool, autostart: bool,
+) -> dict[str, dict[str, Any]]:
+    """
+    Return the parameters of every node of a run.
+
+    Parameters
+    ----------
+    planned : PlannedRun
+        The run.
+    bag : Path
+        Bag directory.
+    record : bool
+        Whether a recorder takes part.
+    compiled : bool
+        Whether the stages compute in compiled code.
+    autostart : bool
+        Whether the nodes bring themselves up.
+
+    Returns
+    -------
+    dict of str to dict
+        Node name to its parameters, the recorder first.
+
+    """
+    # The stages stay until the recorder has all it wants of them.
+    common = {
+        'required_readers': 2 if record else 1, 'linger_s': -1.0, 'autostart': autostart,
+        'compiled': compiled}
+    sections = {stage: {**planned.parameters[stage], **common} for stage in planned.stages}
+    # Without a controller the plant demands, and only the recorder reads its displacement.
+    sections['plant']['demand_lookahead_samples'] = _BARE_LOOKAHEAD if planned.bare else 0
+    if planned.bare:
+        sections['plant']['required_readers'] = int(record)
+    if not record:
+        return sections
+    recorder = {
+        'streams': 'voltage,displacement' if planned.bare else ','.join(STREAMS),
+        'bag_directory': str(bag.absolute()), 'autostart': autostart,
+        'linger_s': 0.0 if autostart else -1.0, 'parameters_timeout_s': _PARAMETERS_TIMEOUT_S,
+        'sample_period_s': planned.trajectory.sample_period_s}
+    return {'recorder': recorder, **sections}
