@@ -2,6 +2,7 @@
 
 import argparse
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -36,13 +37,16 @@ def add_command(commands: Any) -> None:
             '--allow-loss', action='store_true',
             help='take what is whole of a damaged bag; exit 3')
     export.add_argument('-o', '--output', type=Path, required=True, metavar='FILE')
+    export.add_argument('--force', action='store_true', help='replace the file')
     rescue.add_argument('-o', '--output', type=Path, required=True, metavar='DIR')
     info.set_defaults(function=lambda options: _guarded(_info, options))
-    export.set_defaults(function=lambda options: _guarded(_export, options))
+    export.set_defaults(function=_export_unless_there)
     rescue.set_defaults(function=lambda options: _guarded(_salvage, options))
 
 
-def _guarded(action: Any, options: argparse.Namespace) -> int:
+def _guarded(
+    action: Callable[[argparse.Namespace], tuple[str, ...]], options: argparse.Namespace,
+) -> int:
     try:
         lost = action(options)
     except (BagError, OSError) as error:
@@ -70,6 +74,13 @@ def _info(options: argparse.Namespace) -> tuple[str, ...]:
     return run.lost
 
 
+def _export_unless_there(options: argparse.Namespace) -> int:
+    if options.output.exists() and not options.force:
+        print(f'piezo: {options.output} exists; --force replaces it', file=sys.stderr)
+        return 2
+    return _guarded(_export, options)
+
+
 def _export(options: argparse.Namespace) -> tuple[str, ...]:
     run = read(options.bag, namespace=options.namespace, allow_loss=options.allow_loss)
     columns = {
@@ -89,6 +100,6 @@ def _export(options: argparse.Namespace) -> tuple[str, ...]:
 def _salvage(options: argparse.Namespace) -> tuple[str, ...]:
     result = salvage(options.bag, options.output)
     for topic, count in result.messages.items():
-        print(f'{topic:24}{count} messages')
+        print(f'{topic:24} {count} messages')
     print(f'saved: {result.path}')
     return result.lost

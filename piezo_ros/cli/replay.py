@@ -3,16 +3,15 @@
 import argparse
 import sys
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from piezo_ros.bag import BagError, read
 from piezo_ros.control import SCHEMES, ControllerParameters
 from piezo_ros.experiment.errors import PlanError
 from piezo_ros.experiment.parameter_file import read_parameter_file
-from piezo_ros.experiment.replay import replay
+from piezo_ros.experiment.replay import ReplayResult, replay
 from piezo_ros.model import (
     HysteresisParameters,
-    ParameterError,
     ParameterSet,
     RigParameters,
 )
@@ -20,12 +19,12 @@ from piezo_ros.report.metrics import nrmse
 
 __all__ = ['add_command']
 
-_EXAMPLES = """\
+_EXAMPLES: Final = """\
 examples:
   piezo replay out/demo/bags/000_fb_triangle_1um_300hz --scheme fbff
   piezo replay out/demo/bags/002_fbff_triangle_1um_300hz --controller tuned.yaml
 """
-_PERCENT = 100.0
+_PERCENT: Final = 100.0
 
 
 def add_command(commands: Any) -> None:
@@ -50,30 +49,38 @@ def _replay(options: argparse.Namespace) -> int:
             controller=_replaced(options.controller, 'controller', ControllerParameters),
             compensator=_replaced(options.compensator, 'compensator', HysteresisParameters),
             plant=_replaced(options.plant, 'plant', RigParameters))
-    except (BagError, PlanError, ParameterError) as error:
+        print(_table(result))
+    except (BagError, PlanError, ValueError) as error:
         print(f'piezo: {error}', file=sys.stderr)
         return 1
     if result.same_samples and not result.is_faithful:
         print(
             'piezo: warning: the stages of the bag do not give the recorded run again: '
             f'{dict(result.same_samples)} samples are the same', file=sys.stderr)
-    # The transients of the start are over in the second half.
-    samples = min(run.samples, result.streams.reference_um.size)
-    half = slice(samples // 2, samples)
-    reference_um = result.streams.reference_um[half]
-    rows = (
-        ('recorded', run.displacement_um[half], run.voltage_v[half]),
-        ('replayed', result.streams.displacement_um[:samples][half],
-         result.streams.voltage_v[half]),
-    )
+    for loss in run.lost:
+        print(f'piezo: {run.path}: {loss}', file=sys.stderr)
+    return 3 if run.lost else 0
+
+
+def _table(result: ReplayResult) -> str:
+    """Return both runs' errors over the second half, where the transients of the start are over."""
+    run, streams = result.recorded, result.streams
+    # Streams of a bag may begin later than its reference, with which the replay begins.
+    stop = min(run.start_index + run.samples, streams.reference_um.size)
+    half = slice(run.start_index + (stop - run.start_index) // 2, stop)
+    recorded = slice(half.start - run.start_index, half.stop - run.start_index)
+    reference_um = streams.reference_um[half]
     replaced = ', '.join(result.overridden) or 'nothing'
-    print(f'replaced: {replaced}; second half of {samples} samples')
-    print(f'{"":10}{"NRMSE %":>10}{"max error um":>14}{"max |u| V":>12}')
-    for name, displacement_um, voltage_v in rows:
-        print(
+    lines = [
+        f'replaced: {replaced}; samples {half.start} … {half.stop - 1}',
+        f'{"":10}{"NRMSE %":>10}{"max error um":>14}{"max |u| V":>12}']
+    for name, displacement_um, voltage_v in (
+            ('recorded', run.displacement_um[recorded], run.voltage_v[recorded]),
+            ('replayed', streams.displacement_um[half], streams.voltage_v[half])):
+        lines.append(
             f'{name:10}{_PERCENT * nrmse(reference_um, displacement_um):10.3f}'
             f'{abs(reference_um - displacement_um).max():14.4f}{abs(voltage_v).max():12.4f}')
-    return 0
+    return '\n'.join(lines)
 
 
 def _replaced(

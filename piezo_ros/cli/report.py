@@ -16,7 +16,7 @@ from piezo_ros.report.tables import text_table
 
 __all__ = ['add_command']
 
-_EXAMPLES = """\
+_EXAMPLES: Final = """\
 examples:
   piezo report out/demo -o out/again
   piezo report bag_1 bag_2 -o out/compared
@@ -62,8 +62,15 @@ def _report(options: argparse.Namespace) -> int:
         runs = [
             read(path, namespace=options.namespace, allow_loss=options.allow_loss)
             for path in paths]
-        scored = [
-            _scored(run, told, path, options) for run, path in zip(runs, paths, strict=True)]
+        scored = []
+        for run, path in zip(runs, paths, strict=True):
+            if run.metadata.get('output') == 'voltage':
+                print(f'left out: {path}: the bare actuator follows no reference')
+            else:
+                scored.append(_scored(run, told, path, options))
+        if not scored:
+            raise ValueError(
+                f'{", ".join(map(str, options.bags))}: there is no run that follows a reference')
         prepare_directory(options.output, force=options.force)
         report = write_report(
             options.output, title=f'{len(scored)} recorded runs', runs=scored,

@@ -1,0 +1,131 @@
+import os
+
+import numpy as np
+import pytest
+
+from piezo_ros.bag import STREAMS, BagWriter, read
+from piezo_ros.cli.main import main
+from piezo_ros.experiment.offline import simulate_run
+from piezo_ros.experiment.plan import read_plan
+
+
+@pytest.fixture
+def command(capsys):
+    def run(*arguments):
+        code = main(['bag', *map(str, arguments)])
+        out, err = capsys.readouterr()
+        assert 'Traceback' not in err
+        return code, out, err
+
+    return run
+
+
+@pytest.fixture
+def bag(plan, tmp_path):
+    simulate_run(read_plan(plan).runs[1], tmp_path / 'bag')
+    return tmp_path / 'bag'
+
+
+@pytest.fixture
+def damaged(bag, tmp_path):
+    """Write the bag in chunks and cut it off, as a full disk does."""
+    run = read(bag)
+    path = tmp_path / 'cut'
+    with BagWriter(path, topics={stream: f'/{stream}' for stream in STREAMS}) as writer:
+        for start in range(0, run.samples, 100):
+            for stream in STREAMS:
+                samples = run.whole(stream)[1][start:start + 100]
+                writer.write_block(stream, start, run.sample_period_s, samples)
+            writer.flush()
+    os.truncate(path / 'cut_0.mcap', round(0.6 * (path / 'cut_0.mcap').stat().st_size))
+    return path
+
+
+def test_info_tells_streams_units_and_parameters(bag, command):
+    code, out, err = command('info', bag)
+    assert (code, err) == (0, '')
+    run = read(bag)
+    for stream in STREAMS:
+        start, samples = run.whole(stream)
+        line = next(line for line in out.splitlines() if line.startswith(f'  {stream} '))
+        assert f'{samples.size} samples from index {start}' in line
+        assert line.endswith(f'{samples.min():.4g} … {samples.max():.4g} {STREAMS[stream]}')
+    assert 'sample period  1e-05 s' in out
+    assert 'parameters of  /compensator, /controller, /plant, /trajectory' in out
+    assert [line.split()[1] for line in out.splitlines() if line.startswith('scheme')] == ['fbff']
+
+
+def test_an_exported_table_holds_the_same_bits(bag, command, tmp_path):
+    code, out, _ = command('export', bag, '-o', tmp_path / 'scan.csv')
+    run = read(bag)
+    assert code == 0
+    assert f'{run.samples} samples' in out
+    names = (tmp_path / 'scan.csv').read_text().splitlines()[0].split(',')
+    assert names == ['time_s', *(f'{stream}_{unit}' for stream, unit in STREAMS.items())]
+    table = np.loadtxt(tmp_path / 'scan.csv', delimiter=',', skiprows=1)
+    for name, column in zip(names, table.T, strict=True):
+        np.testing.assert_array_equal(column, getattr(run, name))
+
+
+def test_a_table_is_not_overwritten_unasked(bag, command, tmp_path):
+    table = tmp_path / 'scan.csv'
+    table.write_text('years of work')
+    code, _, err = command('export', bag, '-o', table)
+    assert code == 2
+    assert f'{table} exists; --force replaces it' in err
+    assert table.read_text() == 'years of work'
+    assert command('export', bag, '-o', table, '--force')[0] == 0
+    assert table.read_text().startswith('time_s,')
+
+
+@pytest.mark.parametrize('action', ['info', 'export'])
+def test_a_damaged_bag_is_refused_unless_loss_is_allowed(damaged, command, tmp_path, action):
+    output = ('-o', tmp_path / 'scan.csv') if action == 'export' else ()
+    code, _, err = command(action, damaged, *output)
+    assert code == 1
+    assert 'is damaged' in err
+    assert 'piezo bag salvage' in err
+    code, out, err = command(action, damaged, *output, '--allow-loss')
+    assert code == 3
+    assert 'cut_0.mcap' in err
+    assert 'samples' in out
+
+
+def test_what_is_salvaged_is_a_bag_that_says_what_it_lost(damaged, command, tmp_path):
+    code, out, err = command('salvage', damaged, '-o', tmp_path / 'whole')
+    assert code == 3
+    assert f'saved: {tmp_path / "whole"}' in out
+    assert 'cut_0.mcap' in err
+    for stream in STREAMS:
+        (line,) = [line for line in out.splitlines() if line.startswith(f'/{stream} ')]
+        assert int(line.split()[1]) > 0
+    assert read(tmp_path / 'whole').samples > 0
+    code, _, err = command('info', tmp_path / 'whole')
+    assert code == 3
+    assert 'cut_0.mcap' in err
+
+
+def test_a_whole_bag_is_salvaged_without_loss(bag, command, tmp_path):
+    code, _, err = command('salvage', bag, '-o', tmp_path / 'copy')
+    assert (code, err) == (0, '')
+    assert read(tmp_path / 'copy').samples == read(bag).samples
+    code, _, err = command('salvage', bag, '-o', tmp_path / 'copy')
+    assert code == 1
+    assert 'never overwritten' in err
+
+
+def test_the_namespace_chooses_the_rig(bag, command):
+    assert command('info', bag, '--namespace', '/')[0] == 0
+    code, _, err = command('info', bag, '--namespace', '/other')
+    assert code == 1
+    assert 'no stream in the namespace /other, choices are /' in err
+
+
+@pytest.mark.parametrize('arguments', [
+    ('info',), ('export', '-o', 'x.csv'), ('salvage', '-o', 'x')])
+def test_a_bag_that_is_none_fails_in_words(command, tmp_path, monkeypatch, arguments):
+    monkeypatch.chdir(tmp_path)
+    action, *output = arguments
+    code, _, err = command(action, 'nothing', *output)
+    assert code == 1
+    assert 'nothing' in err

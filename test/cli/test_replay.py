@@ -1,0 +1,151 @@
+import numpy as np
+import pytest
+import yaml
+
+from piezo_ros.bag import BagWriter, read
+from piezo_ros.cli.main import main
+from piezo_ros.experiment.offline import simulate_run
+from piezo_ros.experiment.plan import read_plan
+from piezo_ros.experiment.provenance import parameters_yaml
+
+
+def parameter_file(path, node, **values):
+    path.write_text(yaml.safe_dump({f'/**/{node}': {'ros__parameters': values}}))
+    return path
+
+
+def table(text):
+    """Return NRMSE, largest error and largest voltage of the recorded and of the replayed run."""
+    lines = [line.split() for line in text.splitlines()]
+    return {words[0]: [float(word) for word in words[1:]] for words in lines
+            if words[0] in ('recorded', 'replayed')}
+
+
+@pytest.fixture
+def replay(capsys):
+    def run(*arguments):
+        code = main(['replay', *map(str, arguments)])
+        out, err = capsys.readouterr()
+        assert 'Traceback' not in err
+        return code, out, err
+
+    return run
+
+
+@pytest.fixture
+def bag(plan, tmp_path):
+    """Record the second run of the plan, under fbff."""
+    simulate_run(read_plan(plan).runs[1], tmp_path / 'bag')
+    return tmp_path / 'bag'
+
+
+def write_again(bag, path, *, parameters=True, starts=None):
+    """Write the streams of a bag again: without parameters, or some of them from later on."""
+    run = read(bag)
+    topics = {stream: f'/{stream}' for stream in run.streams}
+    with BagWriter(path, topics=topics) as writer:
+        if parameters:
+            writer.attach_parameters(parameters_yaml(
+                '/', {name.strip('/'): values for name, values in run.parameters.items()}))
+        for stream in run.streams:
+            first = (starts or {}).get(stream, 0)
+            writer.write_block(stream, first, run.sample_period_s, run.whole(stream)[1][first:])
+    return path
+
+
+def test_with_nothing_replaced_both_runs_are_the_same(bag, replay):
+    code, out, err = replay(bag)
+    assert (code, err) == (0, '')
+    assert 'replaced: nothing' in out
+    rows = table(out)
+    assert rows['recorded'] == rows['replayed']
+    assert rows['recorded'][0] > 0.0
+
+
+def test_another_scheme_gives_what_a_run_under_it_gives(bag, plan, tmp_path, replay):
+    simulate_run(read_plan(plan).runs[0], tmp_path / 'ff')
+    code, out, _ = replay(bag, '--scheme', 'ff')
+    assert code == 0
+    assert 'replaced: scheme' in out
+    assert table(out)['replayed'] == table(replay(tmp_path / 'ff')[1])['recorded']
+    assert table(out)['replayed'] != table(out)['recorded']
+
+
+def test_tuned_gains_replace_what_they_name_and_nothing_else(bag, tmp_path, replay):
+    own = read(bag).parameters['/controller']
+    same = parameter_file(
+        tmp_path / 'same.yaml', 'controller', proportional_gain=own['proportional_gain'])
+    other = parameter_file(tmp_path / 'other.yaml', 'controller', proportional_gain=0.6)
+    rows = table(replay(bag, '--controller', same)[1])
+    assert rows['recorded'] == rows['replayed']
+    code, out, err = replay(bag, '--controller', other)
+    assert (code, err) == (0, '')
+    assert table(out)['replayed'] != rows['recorded']
+
+
+def test_a_compensator_that_knows_no_hysteresis_tracks_worse(bag, tmp_path, replay):
+    linear = parameter_file(
+        tmp_path / 'linear.yaml', 'compensator', kappa_um_per_v=[1.2, 1.2], saturation_v=[0.0])
+    code, out, _ = replay(bag, '--compensator', linear)
+    assert code == 0
+    assert 'replaced: compensator' in out
+    assert table(out)['replayed'][0] > 2.0 * table(out)['recorded'][0]
+
+
+def test_a_bag_that_does_not_tell_its_stages_needs_them_as_files(bag, tmp_path, replay):
+    run = read(bag)
+    foreign = write_again(bag, tmp_path / 'foreign', parameters=False)
+    code, _, err = replay(foreign)
+    assert code == 1
+    assert 'tells nothing of the controller' in err
+    files = [
+        word for node in ('controller', 'compensator', 'plant')
+        for word in (f'--{node}', parameter_file(
+            tmp_path / f'{node}.yaml', node, **run.parameters[f'/{node}']))]
+    code, out, _ = replay(foreign, *files)
+    assert code == 0
+    assert table(out)['recorded'] == table(out)['replayed']
+
+
+def test_streams_that_begin_late_are_compared_sample_by_sample(bag, tmp_path, replay):
+    late = write_again(bag, tmp_path / 'late', starts={'displacement': 200, 'voltage': 100})
+    code, out, _ = replay(late)
+    assert code == 0
+    assert table(out)['recorded'] == table(out)['replayed']
+    samples = read(bag).samples
+    assert f'samples {200 + (samples - 200) // 2} … {samples - 1}' in out
+
+
+def test_a_recording_that_its_stages_do_not_explain_is_warned_of(bag, tmp_path, replay):
+    run = read(bag)
+    with BagWriter(tmp_path / 'other', topics={name: f'/{name}' for name in run.streams}) as writer:
+        writer.attach_parameters(parameters_yaml(
+            '/', {name.strip('/'): values for name, values in run.parameters.items()}))
+        for stream in run.streams:
+            samples = np.array(run.whole(stream)[1])
+            if stream == 'displacement':
+                samples[100:] += 1e-3
+            writer.write_block(stream, 0, run.sample_period_s, samples)
+    code, _, err = replay(tmp_path / 'other')
+    assert code == 0
+    assert 'warning: the stages of the bag do not give the recorded run again' in err
+    assert "'displacement': 100" in err
+
+
+@pytest.mark.parametrize(('content', 'complaint'), [
+    ({'/**/plant': {'ros__parameters': {}}}, 'has no section for controller'),
+    ({'/**/controller': {'ros__parameters': {'proportional_gain': -1.0}}},
+     'proportional_gain is -1.0')])
+def test_a_file_of_another_kind_is_refused(bag, tmp_path, replay, content, complaint):
+    path = tmp_path / 'file.yaml'
+    path.write_text(yaml.safe_dump(content))
+    code, _, err = replay(bag, '--controller', path)
+    assert code == 1
+    assert err.startswith('piezo: ')
+    assert complaint in err
+
+
+def test_a_bag_that_is_none_fails_in_words(tmp_path, replay):
+    code, _, err = replay(tmp_path / 'nothing')
+    assert code == 1
+    assert err == f'piezo: there is no bag {tmp_path / "nothing"}\n'
