@@ -135,7 +135,10 @@ class Run:
         return samples[first:first + self.samples]
 
 
-def read(path: Path | str, *, namespace: str | None = None, allow_loss: bool = False) -> Run:
+def read(
+    path: Path | str, *, namespace: str | None = None, allow_loss: bool = False,
+    keep_not_finite: bool = False,
+) -> Run:
     """
     Read the streams of one run from a bag.
 
@@ -151,6 +154,9 @@ def read(path: Path | str, *, namespace: str | None = None, allow_loss: bool = F
     allow_loss : bool, optional
         Whether to keep the whole leading part of a damaged bag; what is lost is then named in
         `Run.lost`. By default a damaged bag is refused.
+    keep_not_finite : bool, optional
+        Whether samples that are NaN or infinite belong to the run, for who can leave them out;
+        else they are damage.
 
     Returns
     -------
@@ -177,7 +183,8 @@ def read(path: Path | str, *, namespace: str | None = None, allow_loss: bool = F
     chosen = contents.namespace(namespace)
     found = {
         stream: result for stream in STREAMS
-        if (assembler := contents.streams[chosen].get(stream)) and (result := assembler.result())
+        if (assembler := contents.streams[chosen].get(stream)) and (
+            result := assembler.result(keep_not_finite=keep_not_finite))
     }
     problems = [result.problem for result in found.values() if result.problem is not None]
     if problems and not allow_loss:

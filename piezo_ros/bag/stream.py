@@ -139,13 +139,13 @@ class StreamAssembler:
             np.array([sample.size for sample in samples], dtype=np.int64),
             np.concatenate([*samples, np.empty(0)]))
 
-    def result(self) -> Stream | None:
+    def result(self, *, keep_not_finite: bool = False) -> Stream | None:
         """Return the stream up to the first thing that is wrong with it, None if it is empty."""
         blocks = _joined(self._parts)
         good, problem = self._leading(blocks)
         samples = blocks.samples[:int(blocks.counts[:good].sum())]
         finite = np.isfinite(samples)
-        if not finite.all():
+        if not (keep_not_finite or finite.all()):
             first = int(np.argmin(finite))
             problem = (
                 f'sample {int(blocks.indices[0]) + first} of stream {self._stream!r} is '

@@ -109,7 +109,9 @@ def _guarded(
             return 2
     try:
         runs = [
-            read(path, namespace=options.namespace, allow_loss=options.allow_loss)
+            read(
+                path, namespace=options.namespace, allow_loss=options.allow_loss,
+                keep_not_finite=options.kind == 'hysteresis')  # its fit leaves them out
             for path in options.bags]
         _refuse_different_periods(runs)
         files = identify(options, runs)
@@ -139,12 +141,18 @@ def _source(runs: list[Run]) -> str:
 
 
 def _hysteresis(options: argparse.Namespace, runs: list[Run]) -> _Files:
+    import numpy as np
+
     from piezo_ros.identification import compare_hysteresis_models, fit_hysteresis
     if options.elements != 'auto' and not options.elements.isdigit():
         raise ValueError(f"--elements is {options.elements!r}, allowed is a number or 'auto'")
     elements = 'auto' if options.elements == 'auto' else int(options.elements)
     voltage_v = [run.voltage_v for run in runs]
     displacement_um = [run.displacement_um for run in runs]
+    for run in runs:
+        missing = int((~np.isfinite(run.displacement_um)).sum())
+        if missing:
+            print(f'left out of {run.path.name}: {missing} samples that are no numbers')
     fit = fit_hysteresis(
         voltage_v, displacement_um, elements=elements,  # type: ignore[arg-type]
         virgin=not options.used, range_v=tuple(options.range_v) if options.range_v else None)

@@ -110,7 +110,8 @@ def _run(
         if plan.study:
             from piezo_ros.experiment.study import run_study
             from piezo_ros.experiment.study_page import study_summary
-            results, report = run_study(plan, directory, run, progress.announce)
+            results, page = run_study(plan, directory, run, progress.announce)
+            report: Path | None = page
             summary = study_summary(results)
         else:
             campaign = run_campaign(plan, directory, run, progress.announce)
@@ -120,6 +121,9 @@ def _run(
         print(f'piezo: {error}', file=sys.stderr)
         return 1
     progress.end()
-    print(summary)
-    print(f'report: {report}')
+    if report is None:
+        print(f'no run follows a reference, nothing to score; bags: {directory / "bags"}')
+    else:
+        print(summary)
+        print(f'report: {report}')
     return 0

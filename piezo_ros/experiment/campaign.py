@@ -47,13 +47,13 @@ class Campaign:
     ----------
     runs : tuple of ScoredRun
         The scored runs, in the order of the plan.
-    report : Path
-        The written report.html.
+    report : Path or None
+        The written report.html; None where no run follows a reference.
 
     """
 
     runs: tuple[ScoredRun, ...]
-    report: Path
+    report: Path | None
 
 
 def prepare_directory(directory: Path, *, force: bool) -> None:
@@ -139,7 +139,7 @@ def run_campaign(
             notes.append(
                 f'{planned.name}: predicted NRMSE {planned.prediction.nrmse_percent:.2f} %. '
                 f'{planned.prediction.reason}')
-    report = directory / 'report.html'
+    report: Path | None = None
     if scored:
         report = write_report(
             directory, title=plan.title, runs=scored, software=software_versions(),

@@ -32,6 +32,7 @@ class Recorder(Stage):
 
     def __init__(self, *, compiled: bool = False) -> None:
         self._bag: BagWriter | None = None
+        self._parameter_clients: dict[str, AsyncParameterClient] = {}
         super().__init__('recorder', compiled=compiled)
 
     def configure(self) -> None:
@@ -49,6 +50,12 @@ class Recorder(Stage):
         self._next_flush_s = self._started_s + self._recording.flush_period_s
         self._pending: list[tuple[str, bytes]] = []
         self._peers = _PeerParameters(self)
+
+    def parameter_client(self, name: str) -> AsyncParameterClient:
+        """Return the client of a node's parameters; one for all runs, rclpy cannot give it back."""
+        if name not in self._parameter_clients:
+            self._parameter_clients[name] = AsyncParameterClient(self, name)
+        return self._parameter_clients[name]
 
     def poll(self) -> bool:
         """Write what has arrived."""
@@ -178,7 +185,7 @@ class _PeerParameters:
                     continue
                 name = f'{endpoint.node_namespace.rstrip("/")}/{endpoint.node_name}'
                 if name not in self._clients:
-                    self._clients[name] = AsyncParameterClient(self._recorder, name)
+                    self._clients[name] = self._recorder.parameter_client(name)
         now_s = time.monotonic()
         for name in self.silent if self._clients else ():
             client = self._clients[name]

@@ -240,23 +240,39 @@ def test_of_unequal_lengths_the_common_samples_are_used(tmp_path, bare, identify
     assert identify('hysteresis', tmp_path / 'equal')[:2] == (0, model)
 
 
-@pytest.mark.parametrize('kind', ['hysteresis', 'dynamics'])
-def test_a_sample_that_is_no_number_is_named_and_what_precedes_it_can_be_taken(
-    tmp_path, bare, compensated, identify, played, kind,
+def test_a_displacement_that_is_no_number_is_left_out_of_the_hysteresis(
+    tmp_path, bare, own_hysteresis, identify,
 ):
-    streams = {
-        name: values.copy()
-        for name, values in (bare if kind == 'hysteresis' else compensated).items()}
-    streams['displacement'][9_000] = np.nan
-    record_rosbag2(tmp_path / 'bag', streams)
-    told = () if kind == 'hysteresis' else ('--trajectory', played)
-    code, _, said = identify(kind, tmp_path / 'bag', *told)
+    gaps = {name: values.copy() for name, values in bare.items()}
+    gaps['displacement'][[10, 4000, 4001, 9000]] = np.nan
+    record_rosbag2(tmp_path / 'bag', gaps)
+    code, model, said = identify('hysteresis', tmp_path / 'bag')
+    assert code == 0
+    assert 'left out of bag: 4 samples that are no numbers' in said
+    found, whole = (
+        each['/**/compensator']['ros__parameters']['kappa_um_per_v']
+        for each in (model, own_hysteresis))
+    assert found == pytest.approx(whole, rel=0.01)
+
+
+def test_a_voltage_that_is_no_number_is_named(tmp_path, bare, identify):
+    gaps = {name: values.copy() for name, values in bare.items()}
+    gaps['voltage'][4000] = np.nan
+    record_rosbag2(tmp_path / 'bag', gaps)
+    code, _, said = identify('hysteresis', tmp_path / 'bag')
+    assert code == 1
+    assert 'voltage_v[4000] is nan, it must be finite' in said
+
+
+def test_for_the_dynamics_a_sample_that_is_no_number_is_named(
+    tmp_path, compensated, identify, played,
+):
+    gaps = {name: values.copy() for name, values in compensated.items()}
+    gaps['displacement'][9_000] = np.nan
+    record_rosbag2(tmp_path / 'bag', gaps)
+    code, _, said = identify('dynamics', tmp_path / 'bag', '--trajectory', played)
     assert code == 1
     assert "sample 9000 of stream 'displacement' is nan, it must be finite" in said
-    if kind == 'hysteresis':
-        code, _, said = identify(kind, tmp_path / 'bag', '--allow-loss')
-        assert code == 3
-        assert "sample 9000 of stream 'displacement' is nan" in said
 
 
 def cut(directory, share):
