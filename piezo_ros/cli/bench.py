@@ -95,7 +95,7 @@ def _round(options: argparse.Namespace, title: str, progress: Progress) -> Any:
     if options.kernels:
         return
     from piezo_ros.nodes.graph_speed import graph_rate, ring_rate
-    for label, composed, periods in (('composed', True, 120.0), ('separate', False, 24.0)):
+    for label, composed, periods in (('composed', True, 120.0), ('separate', False, 60.0)):
         progress.announce(f'{title}: {label}')
         stage_defaults['trajectory'] = check_node_parameters('trajectory', {'periods': periods})
         planned = PlannedRun('bench', stage_defaults)
