@@ -17,13 +17,16 @@ TEST_READY := $(VENV)/.stamp-test
 METADATA := setup.py setup.cfg .ci/setup-venv
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-slow lint clean
+.PHONY: help demo paper test test-slow lint clean
 
 help:  ## this list
 	@sed -nE 's/^([a-z-]+):.*## (.*)/make \1|\2/p' Makefile | awk -F'|' '{printf "  %-16s%s\n", $$1, $$2}'
 
 demo: $(DEMO_READY)  ## set up .venv, drive the simulated rig through ROS, report into out/demo
 	$(BIN)/piezo run config/experiments/demo.yaml -o out/demo --force
+
+paper: $(DEMO_READY)  ## every table and figure of the paper from live runs, into out/paper
+	$(BIN)/piezo run config/experiments/paper.yaml -o out/paper --force
 
 test: $(TEST_READY)  ## style, types, tiers (test_lint.py) and all other tests but the slow ones
 	$(PYTEST) $(PYTEST_ARGS)
