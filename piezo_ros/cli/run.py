@@ -34,6 +34,9 @@ def add_commands(commands: Any) -> None:
         '--separate', action='store_true', help='one process for every node (default)')
     processes.add_argument(
         '--composed', action='store_true', help='the four stages in one process')
+    processes.add_argument(
+        '--keep', action='store_true',
+        help='composed, and the processes stay for all runs: for plans of many short ones')
     live.add_argument(
         '--namespace', default='', metavar='NS',
         help='namespace of the nodes (default: one of its own, so that several may run at once)')
@@ -64,7 +67,7 @@ def _run_live(options: argparse.Namespace) -> int:
                 file=sys.stderr)
             return 1
         progress = Progress()
-        if plan.study:
+        if plan.study or options.keep:
             # Hundreds of short runs: one composed graph is led through all of them.
             with KeptGraph(options.output, namespace=options.namespace) as graph:
                 return _run(plan, options.output, graph, progress)

@@ -18,13 +18,13 @@ import yaml
 from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import String
 
-from piezo_ros.bag import BagError, salvage
 from piezo_ros.experiment.campaign import RunResult
 from piezo_ros.experiment.errors import CampaignError
 from piezo_ros.experiment.plan import PlannedRun
 from piezo_ros.nodes.middleware import set_middleware_defaults
 from piezo_ros.nodes.process_group import POLL_S, ProcessGroup
 from piezo_ros.nodes.qos import EVERY_STATUS
+from piezo_ros.nodes.rescue import rescue
 from piezo_ros.nodes.run_parameters import run_parameters
 
 __all__ = ['GraphRunner']
@@ -155,8 +155,7 @@ class GraphRunner:
 
     def _result(self, run: '_LiveRun', bag: Path, logs: Path) -> RunResult:
         notes: list[str] = []
-        if not (bag / 'metadata.yaml').is_file() and bag.exists():
-            notes.append(_rescue(bag))
+        notes += rescue(bag)
         problems = run.problems(stopped=bool(self._stop_signal))
         if self._stop_signal:
             problems.insert(0, _stopped_by(self._stop_signal))
@@ -228,15 +227,3 @@ class _LiveRun:
 
 def _stopped_by(number: int) -> str:
     return f'stopped by {signal.Signals(number).name}'
-
-
-def _rescue(bag: Path) -> str:
-    """Make a whole bag of one that was not closed; return what was done."""
-    cut = bag.with_name(f'{bag.name}.cut')
-    bag.rename(cut)
-    try:
-        result = salvage(cut, bag)
-    except BagError as error:
-        return f'the bag was not closed and nothing of it is whole ({error}); it is kept in {cut}'
-    count = sum(result.messages.values())
-    return f'the bag was not closed; {count} messages of it were saved, the rest is in {cut}'

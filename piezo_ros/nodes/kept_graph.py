@@ -27,6 +27,7 @@ from piezo_ros.experiment.plan import PlannedRun
 from piezo_ros.nodes.middleware import set_middleware_defaults
 from piezo_ros.nodes.process_group import POLL_S, ProcessGroup
 from piezo_ros.nodes.qos import EVERY_STATUS
+from piezo_ros.nodes.rescue import rescue
 from piezo_ros.nodes.run_parameters import run_parameters
 
 __all__ = ['KeptGraph']
@@ -107,6 +108,16 @@ class KeptGraph:
 
         """
         bag.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            return self._run(planned, bag)
+        except CampaignError as error:
+            # No run comes after this one: the recorder closes its bag, or it is rescued.
+            self._processes.stop()
+            voltage_v = self._statuses.get('plant', {}).get('voltage_v')
+            voltage = [] if voltage_v is None else [f'the voltage deviation is {voltage_v:g} V']
+            raise CampaignError('; '.join([str(error), *voltage, *rescue(bag)])) from None
+
+    def _run(self, planned: PlannedRun, bag: Path) -> RunResult:
         sections = run_parameters(planned, bag, record=True, compiled=True, autostart=False)
         nodes = tuple(sections)
         for node, values in sections.items():

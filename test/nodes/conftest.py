@@ -36,7 +36,9 @@ class Process:
         with output.open('wb') as file:
             self._popen = subprocess.Popen(
                 [sys.executable, '-m', *arguments], stdin=subprocess.DEVNULL, stdout=file,
-                stderr=subprocess.STDOUT, start_new_session=True, env=environment)
+                stderr=subprocess.STDOUT, start_new_session=True, env=environment,
+                # Tests started in the background inherit that SIGINT is ignored.
+                preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL))
         self.pid = self._popen.pid
 
     @property

@@ -42,6 +42,11 @@ def composed(make_rig, plan):
     return _bags(make_rig(), 'run', plan, '--composed')
 
 
+@pytest.fixture(scope='module')
+def kept(make_rig, plan):
+    return _bags(make_rig(), 'run', plan, '--keep')
+
+
 def _bags(rig, command, plan, *options):
     """Do a plan and return its bags in order."""
     process = rig.piezo(command, plan, '-o', rig.directory / 'out', *options)
@@ -82,6 +87,10 @@ def test_four_processes_give_the_bits_of_the_offline_simulation(separate, offlin
 
 def test_one_process_gives_the_bits_of_the_offline_simulation(composed, offline):
     _assert_same_bits(composed, offline)
+
+
+def test_a_kept_graph_gives_the_bits_of_the_offline_simulation(kept, offline):
+    _assert_same_bits(kept, offline)
 
 
 def test_a_loaded_machine_gives_the_same_bits(rig, write_plan, offline):

@@ -1,0 +1,35 @@
+"""Rescue of the bag of a run whose recorder did not come to close it."""
+
+from pathlib import Path
+
+from piezo_ros.bag import BagError, salvage
+
+__all__ = ['rescue']
+
+
+def rescue(bag: Path) -> list[str]:
+    """
+    Make a whole bag of one that was not closed.
+
+    Parameters
+    ----------
+    bag : Path
+        Bag directory; it may be whole, or not exist.
+
+    Returns
+    -------
+    list of str
+        What was done, empty for nothing.
+
+    """
+    if (bag / 'metadata.yaml').is_file() or not bag.exists():
+        return []
+    cut = bag.with_name(f'{bag.name}.cut')
+    bag.rename(cut)
+    try:
+        result = salvage(cut, bag)
+    except BagError as error:
+        return [
+            f'the bag was not closed and nothing of it is whole ({error}); it is kept in {cut}']
+    count = sum(result.messages.values())
+    return [f'the bag was not closed; {count} messages of it were saved, the rest is in {cut}']

@@ -1,0 +1,80 @@
+"""The whole paper offline: what the issue of it must show, on the calibrated rig."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from piezo_ros.cli.main import main
+from piezo_ros.experiment.paper_study import Crossing
+from piezo_ros.experiment.tracking_table import agreement, published_errors, table_cells
+
+PLAN = Path(__file__).parents[2] / 'config' / 'experiments' / 'paper.yaml'
+
+
+@pytest.fixture(scope='module')
+def report(tmp_path_factory):
+    directory = tmp_path_factory.mktemp('paper') / 'out'
+    assert main(['simulate', str(PLAN), '-o', str(directory)]) == 0
+    return json.loads((directory / 'report.json').read_text())
+
+
+def errors(report, table):
+    return np.array([[row['ff'], row['fbff']] for row in report[table]])
+
+
+@pytest.mark.slow
+def test_table_4_as_published_is_met_also_on_rows_that_the_calibration_never_saw(report):
+    assert len(report['table4']) == 30
+    assert report['agreement']['all']['median_deviation'] <= 0.08
+    assert report['agreement']['held_out_rows']['median_deviation'] <= 0.10
+    assert report['agreement']['all']['verdicts'] >= 27
+
+
+@pytest.mark.slow
+def test_identified_models_halve_the_published_errors(report):
+    published = published_errors(table_cells())
+    assert np.median(errors(report, 'table4_identified') / published) <= 0.5
+
+
+@pytest.mark.slow
+def test_automatic_harmonics_beat_the_better_published_scheme(report):
+    published = published_errors(table_cells())
+    better = errors(report, 'table4_automatic').min(axis=1) < published.min(axis=1)
+    assert np.count_nonzero(better) >= 28
+
+
+@pytest.mark.slow
+def test_hysteresis_is_there_without_compensation_and_gone_with_it(report):
+    bare, published, identified = (report['nonlinearity'][key] for key in (
+        'uncompensated', 'compensated', 'compensated_identified'))
+    assert bare['input'] == pytest.approx(11.8, abs=0.5)
+    assert bare['output'] == pytest.approx(12.7, abs=0.8)
+    for loop in (published, identified):
+        assert loop['input'] <= 0.40
+        assert loop['output'] <= 0.38
+
+
+@pytest.mark.slow
+def test_table_3_bound_and_tuned_loop_are_as_they_must_be(report):
+    assert sum(row['within_50_hz'] for row in report['table3']) >= 3
+    bound = report['identified']['uncertainty']
+    assert bound['smallest_margin'] >= 1.0
+    assert bound['mean_excess_db'] <= 3.0
+    assert report['margins']['tuned']['weighted_peak'] < 1.0
+
+
+def test_a_crossing_is_where_feedback_begins_to_do_harm():
+    frequency_hz = np.array([300.0, 400.0, 500.0])
+    crossing = Crossing(1.0, frequency_hz, np.array([2.0, 2.0, 2.0]), np.array([1.0, 1.0, 4.0]))
+    assert crossing.crossing_hz == pytest.approx(450.0)
+    never = Crossing(1.0, frequency_hz, np.array([2.0, 2.0, 2.0]), np.array([1.0, 1.0, 1.0]))
+    assert np.isnan(never.crossing_hz)
+
+
+def test_a_table_agrees_with_itself_and_not_with_its_mirror():
+    published = published_errors(table_cells())
+    same = agreement(published, published)
+    assert (same.median_deviation, same.verdicts, same.conditions) == (0.0, 30, 30)
+    assert agreement(published[:, ::-1], published).verdicts < 5

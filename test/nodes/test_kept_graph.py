@@ -1,0 +1,72 @@
+"""A graph that is kept for all runs of a plan: runs of every kind in turn, and its end."""
+
+import os
+import signal
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from piezo_ros.bag import read
+
+ROOT = Path(__file__).parents[2]
+RUNS = [
+    {'scheme': 'fbff', 'periods': 2},
+    {'output': 'voltage', 'amplitude_v': 2.0, 'waveform': 'triangle', 'harmonics': 0},
+    {'scheme': 'open_loop', 'waveform': 'stepped_sine', 'amplitude_um': 0.3, 'harmonics': 0,
+     'dwell_s': 0.01, 'trajectory': {'frequencies_hz': [500.0, 2000.0]}},
+    {'scheme': 'fb', 'periods': 2},
+    {'scheme': 'ff', 'periods': 2, 'plant': {'noise_rms_um': 0.0}},
+]
+
+
+@pytest.fixture
+def plan(tmp_path):
+    def write(runs):
+        path = tmp_path / 'plan.yaml'
+        path.write_text(yaml.safe_dump({
+            'format_version': 1, 'score_periods': 1, 'runs': runs,
+            'parameter_files': [
+                str(ROOT / 'config' / f'{name}.yaml')
+                for name in ('rig', 'compensator', 'controller', 'trajectory')]}))
+        return path
+    return write
+
+
+def test_runs_of_every_kind_follow_each_other_with_the_bits_of_the_offline_simulation(rig, plan):
+    path = plan(RUNS)
+    live = rig.piezo('run', path, '-o', rig.directory / 'live', '--keep')
+    offline = rig.piezo('simulate', path, '-o', rig.directory / 'offline')
+    assert live.wait(180) == 0, live.output
+    assert offline.wait(180) == 0, offline.output
+    bags = sorted((rig.directory / 'live' / 'bags').iterdir())
+    assert len(bags) == len(RUNS)
+    for bag in bags:
+        run, expected = read(bag), read(rig.directory / 'offline' / 'bags' / bag.name)
+        assert run.streams == expected.streams
+        for stream in run.streams:
+            np.testing.assert_array_equal(run.whole(stream)[1], expected.whole(stream)[1])
+        assert len(run.parameters) == (2 if 'bare' in bag.name else 4)
+    assert not rig.nodes()
+
+
+@pytest.mark.parametrize(('victim', 'number', 'words'), [
+    ('loop', signal.SIGKILL, 'loop was killed by SIGKILL'),
+    ('recorder', signal.SIGKILL, 'recorder was killed by SIGKILL'),
+    ('', signal.SIGINT, 'stopped by SIGINT'),
+])
+def test_whatever_dies_the_bag_is_readable_and_nothing_is_left(
+        rig, plan, until, victim, number, words):
+    process = rig.piezo(
+        'run', plan([{'scheme': 'fbff', 'periods': 3000}]), '-o', rig.directory / 'out', '--keep')
+    bag = rig.directory / 'out' / 'bags' / '000_fbff_triangle_1um_300hz'
+    until(
+        lambda: process.exit_code is not None
+        or sum(file.stat().st_size for file in bag.glob('*.mcap')) > 50_000, 'a growing bag')
+    assert process.exit_code is None, process.output
+    os.kill(rig.nodes()[victim] if victim else process.pid, number)
+    assert process.wait(60) == 1
+    assert words in process.output
+    assert not rig.nodes()
+    assert read(bag).samples > 0
