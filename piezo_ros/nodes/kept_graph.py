@@ -6,6 +6,7 @@ nodes are led through their lifecycle by its services, as any manager of ROS wou
 """
 
 import json
+import math
 import os
 import signal
 import time
@@ -14,8 +15,8 @@ from pathlib import Path
 from typing import Any, Final
 
 import rclpy
-from lifecycle_msgs.msg import Transition
-from lifecycle_msgs.srv import ChangeState
+from lifecycle_msgs.msg import State, Transition
+from lifecycle_msgs.srv import ChangeState, GetState
 from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
@@ -33,7 +34,15 @@ from piezo_ros.nodes.run_parameters import run_parameters
 __all__ = ['KeptGraph']
 
 _START_S: Final = 30.0
-_SERVICE_S: Final = 30.0
+_SERVICE_S: Final = 60.0
+_ASK_AGAIN_S: Final = 1.0
+# Transition -> the state that it leads to.
+_TARGETS: Final = {
+    Transition.TRANSITION_CONFIGURE: State.PRIMARY_STATE_INACTIVE,
+    Transition.TRANSITION_ACTIVATE: State.PRIMARY_STATE_ACTIVE,
+    Transition.TRANSITION_DEACTIVATE: State.PRIMARY_STATE_INACTIVE,
+    Transition.TRANSITION_CLEANUP: State.PRIMARY_STATE_UNCONFIGURED,
+}
 
 
 class KeptGraph:
@@ -143,44 +152,66 @@ class KeptGraph:
     def _set_parameters(self, node: str, values: Mapping[str, Any]) -> None:
         request = SetParametersAtomically.Request(parameters=[
             Parameter(name, value=value).to_parameter_msg() for name, value in values.items()])
-        answer = self._call(node, 'set_parameters_atomically', SetParametersAtomically, request)
+        answer = self._ask(node, 'set_parameters_atomically', SetParametersAtomically, request)
         if not answer.result.successful:
             raise CampaignError(f'{node} refuses its parameters: {answer.result.reason}')
 
     def _change_state(self, node: str, transition: int) -> None:
-        request = ChangeState.Request(transition=Transition(id=transition))
-        if not self._call(node, 'change_state', ChangeState, request).success:
+        """Lead a node through a transition, also where its answer gets lost."""
+        client = self._client(node, 'change_state', ChangeState)
+        future = client.call_async(ChangeState.Request(transition=Transition(id=transition)))
+        deadline = time.monotonic() + _SERVICE_S
+        while not future.done():
+            if time.monotonic() > deadline:
+                raise CampaignError(f'waited {_SERVICE_S:g} s for transition {transition} of {node}')
+            self._spin_until(future.done, timeout_s=_ASK_AGAIN_S)
+            if not future.done():
+                state = self._ask(node, 'get_state', GetState, GetState.Request())
+                if state.current_state.id == _TARGETS[transition]:
+                    return
+        if not future.result().success:
             self._spin_until(lambda: False, timeout_s=0.2)
             reason = self._statuses.get(node, {}).get('reason', '')
             raise CampaignError(f'{node} refuses transition {transition}: {reason}')
 
-    def _call(self, node: str, service: str, service_type: Any, request: Any) -> Any:
+    def _ask(self, node: str, service: str, service_type: Any, request: Any) -> Any:
+        """Call a service that may be called twice, until it answers."""
+        client = self._client(node, service, service_type)
+        deadline = time.monotonic() + _SERVICE_S
+        # A server that has not discovered its client throws the answer away: ask again.
+        while time.monotonic() < deadline:
+            future = client.call_async(request)
+            self._spin_until(future.done, timeout_s=_ASK_AGAIN_S)
+            if future.done():
+                return future.result()
+            client.remove_pending_request(future)
+        raise CampaignError(f'waited {_SERVICE_S:g} s for {node} to answer {service}')
+
+    def _client(self, node: str, service: str, service_type: Any) -> Any:
         key = (node, service)
         if key not in self._clients:
             self._clients[key] = self._node.create_client(
                 service_type, f'{self._namespace}/{node}/{service}')
         client = self._clients[key]
-        self._spin_until(client.service_is_ready, timeout_s=_START_S, what=f'{node} to be up')
-        future = client.call_async(request)
-        self._spin_until(future.done, timeout_s=_SERVICE_S, what=f'{node} to answer {service}')
-        return future.result()
+        deadline = time.monotonic() + _START_S
+        self._spin_until(
+            lambda: client.service_is_ready() or time.monotonic() > deadline)
+        if not client.service_is_ready():
+            raise CampaignError(f'waited {_START_S:g} s for {node} to be up')
+        return client
 
     def _spin_until(
-        self, condition: Callable[[], bool], *, timeout_s: float | None = None, what: str = '',
+        self, condition: Callable[[], bool], *, timeout_s: float = math.inf,
     ) -> None:
-        """Serve status and answers until a condition holds."""
-        deadline = None if timeout_s is None else time.monotonic() + timeout_s
-        while not condition():
+        """Serve status and answers until a condition holds or the time is over."""
+        deadline = time.monotonic() + timeout_s
+        while not condition() and time.monotonic() < deadline:
             if self._stop_signal:
                 raise CampaignError(f'stopped by {signal.Signals(self._stop_signal).name}')
             if self._processes.dead():
                 name, code = next(iter(self._processes.blamed.items()))
                 how = f'was killed by {signal.Signals(-code).name}' if code < 0 else 'failed'
                 raise CampaignError(f'{name} {how}')
-            if deadline is not None and time.monotonic() > deadline:
-                if what:
-                    raise CampaignError(f'waited {timeout_s:g} s for {what}')
-                return
             rclpy.spin_once(self._node, timeout_sec=POLL_S)
 
     def _note(self, message: String) -> None:
