@@ -163,7 +163,8 @@ class KeptGraph:
         deadline = time.monotonic() + _SERVICE_S
         while not future.done():
             if time.monotonic() > deadline:
-                raise CampaignError(f'waited {_SERVICE_S:g} s for transition {transition} of {node}')
+                raise CampaignError(
+                    f'waited {_SERVICE_S:g} s for transition {transition} of {node}')
             self._spin_until(future.done, timeout_s=_ASK_AGAIN_S)
             if not future.done():
                 state = self._ask(node, 'get_state', GetState, GetState.Request())
