@@ -8,7 +8,7 @@ what that gains.
 import math
 import time
 from collections import deque
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
@@ -281,10 +281,3 @@ class StreamReader:
             self._stage.get_logger().warning(
                 f'refused a block on {self.subscription.topic_name} ({self.refused} so far): '
                 f'{reason}')
-
-
-def matched(endpoint: Any) -> int:
-    """Return how many peers a publisher or subscription is matched with."""
-    if hasattr(endpoint, 'get_subscription_count'):
-        return int(endpoint.get_subscription_count())
-    return int(endpoint.get_publisher_count())
