@@ -6,33 +6,29 @@ even when this process is killed.
 """
 
 import json
-import os
 import signal
 import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final
 
-import rclpy
 import yaml
-from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import String
 
 from piezo_ros.experiment.campaign import RunResult
 from piezo_ros.experiment.errors import CampaignError
 from piezo_ros.experiment.plan import PlannedRun
-from piezo_ros.nodes.middleware import set_middleware_defaults
 from piezo_ros.nodes.process_group import POLL_S, ProcessGroup
-from piezo_ros.nodes.qos import EVERY_STATUS
 from piezo_ros.nodes.rescue import rescue
 from piezo_ros.nodes.run_parameters import run_parameters
+from piezo_ros.nodes.supervisor import Supervisor, stopped_by
 
 __all__ = ['GraphRunner']
 
 _LAST_STATUS_S: Final = 5.0  # how long to wait for it once all is recorded
 
 
-class GraphRunner:
+class GraphRunner(Supervisor):
     """
     Does runs of a plan on live nodes.
 
@@ -55,31 +51,10 @@ class GraphRunner:
         self, directory: Path, *, namespace: str = '', composed: bool = False, record: bool = True,
         progress: Callable[[float], None] = lambda share: None,
     ) -> None:
-        set_middleware_defaults()
-        self._directory = directory
-        self._namespace = '/' + (namespace or f'piezo_{os.getpid()}').strip('/')
+        super().__init__(directory, namespace)
         self._composed = composed
         self._record = record
         self._progress = progress
-        self._stop_signal = 0
-
-    def __enter__(self) -> 'GraphRunner':
-        """Listen to the status of the nodes; take over SIGINT and SIGTERM."""
-        self._old_handlers = {
-            number: signal.signal(number, self._on_signal)
-            for number in (signal.SIGINT, signal.SIGTERM)}
-        rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
-        self._node = rclpy.create_node('supervisor', namespace=self._namespace)
-        self._subscription = self._node.create_subscription(
-            String, 'status', lambda message: None, EVERY_STATUS)
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        """Give everything back."""
-        self._node.destroy_node()
-        rclpy.try_shutdown()
-        for number, handler in self._old_handlers.items():
-            signal.signal(number, handler)
 
     def __call__(self, planned: PlannedRun, bag: Path) -> RunResult:
         """
@@ -105,7 +80,7 @@ class GraphRunner:
 
         """
         if self._stop_signal:
-            raise CampaignError(_stopped_by(self._stop_signal))
+            raise CampaignError(stopped_by(self._stop_signal))
         logs = self._directory / 'logs' / planned.name
         logs.mkdir(parents=True)
         run = _LiveRun(planned)
@@ -126,9 +101,6 @@ class GraphRunner:
         finally:
             run.processes.kill()
         return self._result(run, bag, logs)
-
-    def _on_signal(self, number: int, _frame: Any) -> None:
-        self._stop_signal = number
 
     def _parameter_files(self, planned: PlannedRun, bag: Path) -> list[str]:
         """Write the parameter file of the run and return the arguments that load it."""
@@ -158,7 +130,7 @@ class GraphRunner:
         notes += rescue(bag)
         problems = run.problems(stopped=bool(self._stop_signal))
         if self._stop_signal:
-            problems.insert(0, _stopped_by(self._stop_signal))
+            problems.insert(0, stopped_by(self._stop_signal))
         if problems:
             voltage_v = run.statuses.get('plant', {}).get('voltage_v')
             if voltage_v is not None:
@@ -223,7 +195,3 @@ class _LiveRun:
                 reason = self.statuses.get(name, {}).get('reason', '')
                 return [f'{name} failed' + (f': {reason}' if reason else ''), *faults]
         return []
-
-
-def _stopped_by(number: int) -> str:
-    return f'stopped by {signal.Signals(number).name}'

@@ -7,7 +7,6 @@ nodes are led through their lifecycle by its services, as any manager of ROS wou
 
 import json
 import math
-import os
 import signal
 import time
 from collections.abc import Callable, Mapping
@@ -19,17 +18,15 @@ from lifecycle_msgs.msg import State, Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.parameter import Parameter
-from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import String
 
 from piezo_ros.experiment.campaign import RunResult
 from piezo_ros.experiment.errors import CampaignError
 from piezo_ros.experiment.plan import PlannedRun
-from piezo_ros.nodes.middleware import set_middleware_defaults
 from piezo_ros.nodes.process_group import POLL_S, ProcessGroup
-from piezo_ros.nodes.qos import EVERY_STATUS
 from piezo_ros.nodes.rescue import rescue
 from piezo_ros.nodes.run_parameters import run_parameters
+from piezo_ros.nodes.supervisor import Supervisor, stopped_by
 
 __all__ = ['KeptGraph']
 
@@ -45,7 +42,7 @@ _TARGETS: Final = {
 }
 
 
-class KeptGraph:
+class KeptGraph(Supervisor):
     """
     Does runs on a composed loop and a recorder that stay.
 
@@ -59,22 +56,13 @@ class KeptGraph:
     """
 
     def __init__(self, directory: Path, *, namespace: str = '') -> None:
-        set_middleware_defaults()
-        self._directory = directory
-        self._namespace = '/' + (namespace or f'piezo_{os.getpid()}').strip('/')
-        self._stop_signal = 0
+        super().__init__(directory, namespace)
         self._statuses: dict[str, dict[str, Any]] = {}
         self._clients: dict[tuple[str, str], Any] = {}
 
     def __enter__(self) -> 'KeptGraph':
         """Start the processes; take over SIGINT and SIGTERM."""
-        self._old_handlers = {
-            number: signal.signal(number, self._on_signal)
-            for number in (signal.SIGINT, signal.SIGTERM)}
-        rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
-        self._node = rclpy.create_node('supervisor', namespace=self._namespace)
-        self._subscription = self._node.create_subscription(
-            String, 'status', self._note, EVERY_STATUS)
+        super().__enter__()
         self._processes = ProcessGroup()
         logs = self._directory / 'logs'
         logs.mkdir(parents=True, exist_ok=True)
@@ -89,10 +77,7 @@ class KeptGraph:
         """End the processes and give everything back."""
         self._processes.stop()
         self._processes.kill()
-        self._node.destroy_node()
-        rclpy.try_shutdown()
-        for number, handler in self._old_handlers.items():
-            signal.signal(number, handler)
+        super().__exit__()
 
     def __call__(self, planned: PlannedRun, bag: Path) -> RunResult:
         """
@@ -208,7 +193,7 @@ class KeptGraph:
         deadline = time.monotonic() + timeout_s
         while not condition() and time.monotonic() < deadline:
             if self._stop_signal:
-                raise CampaignError(f'stopped by {signal.Signals(self._stop_signal).name}')
+                raise CampaignError(stopped_by(self._stop_signal))
             if self._processes.dead():
                 name, code = next(iter(self._processes.blamed.items()))
                 how = f'was killed by {signal.Signals(-code).name}' if code < 0 else 'failed'
@@ -218,6 +203,3 @@ class KeptGraph:
     def _note(self, message: String) -> None:
         status = json.loads(message.data)
         self._statuses[status['node']] = status
-
-    def _on_signal(self, number: int, _frame: Any) -> None:
-        self._stop_signal = number

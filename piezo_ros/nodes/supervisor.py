@@ -1,0 +1,66 @@
+"""What every supervisor of nodes has: a namespace, an ear for status, and the signals."""
+
+import os
+import signal
+from pathlib import Path
+from typing import Any, TypeVar
+
+import rclpy
+from rclpy.signals import SignalHandlerOptions
+from std_msgs.msg import String
+
+from piezo_ros.nodes.middleware import set_middleware_defaults
+from piezo_ros.nodes.qos import EVERY_STATUS
+
+__all__ = ['Supervisor', 'stopped_by']
+
+_Self = TypeVar('_Self', bound='Supervisor')
+
+
+class Supervisor:
+    """
+    A context in which nodes are supervised.
+
+    Parameters
+    ----------
+    directory : Path
+        Output directory.
+    namespace : str
+        Namespace of the nodes; of its own for every process by default.
+
+    """
+
+    def __init__(self, directory: Path, namespace: str) -> None:
+        set_middleware_defaults()
+        self._directory = directory
+        self._namespace = '/' + (namespace or f'piezo_{os.getpid()}').strip('/')
+        self._stop_signal = 0
+
+    def __enter__(self: _Self) -> _Self:
+        """Listen to the status of the nodes; take over SIGINT and SIGTERM."""
+        self._old_handlers = {
+            number: signal.signal(number, self._on_signal)
+            for number in (signal.SIGINT, signal.SIGTERM)}
+        rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+        self._node = rclpy.create_node('supervisor', namespace=self._namespace)
+        self._subscription = self._node.create_subscription(
+            String, 'status', self._note, EVERY_STATUS)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Give everything back."""
+        self._node.destroy_node()
+        rclpy.try_shutdown()
+        for number, handler in self._old_handlers.items():
+            signal.signal(number, handler)
+
+    def _note(self, message: String) -> None:
+        """Take a status, where the node is spun."""
+
+    def _on_signal(self, number: int, _frame: Any) -> None:
+        self._stop_signal = number
+
+
+def stopped_by(number: int) -> str:
+    """Return what to say of a run that a signal ended."""
+    return f'stopped by {signal.Signals(number).name}'
