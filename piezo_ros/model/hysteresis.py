@@ -43,6 +43,7 @@ class HysteresisParameters(ParameterSet):
 
     def check_together(self) -> None:
         """Refuse lists whose lengths do not belong together."""
+        super().check_together()
         limited, all_elements = len(self.saturation_v), len(self.kappa_um_per_v)
         if all_elements != limited + 1:
             raise ParameterError(

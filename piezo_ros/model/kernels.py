@@ -10,6 +10,7 @@ from piezo_ros.model.compiled import kernel
 
 __all__ = [
     'forward_array',
+    'hold_packed_creeping_kernel',
     'hold_packed_kernel',
     'inverse_array',
     'inverse_packed_kernel',
@@ -21,6 +22,7 @@ _inverse_step = hysteresis.inverse_step
 _measure_step = rig.measure_step
 _rig_step = rig.rig_step
 _hold_packed = stepping.hold_packed
+_hold_packed_creeping = stepping.hold_packed_creeping
 _inverse_packed = stepping.inverse_packed
 
 
@@ -61,6 +63,14 @@ def hold_packed_kernel(
 ) -> float:
     """Hold a voltage for one sample period and return the reading at its end."""
     return _hold_packed(memory, voltage_v, unit_noise)
+
+
+@kernel
+def hold_packed_creeping_kernel(
+    memory: NDArray[np.float64], voltage_v: float, unit_noise: float,
+) -> float:
+    """Hold a voltage as `hold_packed_kernel` does, on a rig with creep or drift."""
+    return _hold_packed_creeping(memory, voltage_v, unit_noise)
 
 
 @kernel

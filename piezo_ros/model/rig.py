@@ -3,8 +3,8 @@ The simulated rig in physical order, and the paper's lumped order as an option.
 
 Physical: D/A converter and rails, slew limit (the amplifier's current limit), amplifier poles,
 hysteresis, mechanics with the zeros and sensor pole, noise, A/D converter. Lumped: hysteresis, then
-all of G(s) behind a zero-order hold, as (6) in Liu 2015 has it. All values are deviations from the
-operating point.
+all of G(s) behind a zero-order hold, as (6) in Liu 2015 has it. Behind the hysteresis there may be
+creep, and drift at the end. All values are deviations from the operating point.
 """
 
 from collections.abc import Callable
@@ -16,6 +16,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from piezo_ros.model.converter import ConverterConstants, convert_step, converter_constants
+from piezo_ros.model.creep import (
+    CreepConstants,
+    CreepParameters,
+    creep_constants,
+    creep_step,
+    drift_step,
+)
 from piezo_ros.model.dynamics import DynamicsParameters, LinearDynamics
 from piezo_ros.model.hysteresis import (
     HysteresisConstants,
@@ -49,7 +56,7 @@ __all__ = [
 
 
 @dataclass(frozen=True, kw_only=True)
-class RigParameters(HysteresisParameters, DynamicsParameters):
+class RigParameters(HysteresisParameters, DynamicsParameters, CreepParameters):
     """Amplifier, actuator, sensor and converters; the mismatches are what models do not know."""
 
     order: str = parameter(
@@ -142,6 +149,7 @@ class RigConstants(NamedTuple):
     lumped: bool
     noise_rms_um: float
     adc: ConverterConstants
+    creep: CreepConstants | None
 
 
 class RigState(NamedTuple):
@@ -152,6 +160,8 @@ class RigState(NamedTuple):
     play_um: Vector  # (n,)
     mechanics: Vector  # (n,)
     displacement_um: Vector  # (1,) true displacement
+    relaxed_um: Vector  # (r,) of the creep
+    drift_um: Vector  # (1,)
     scratch: Vector  # (5,)
 
 
@@ -190,7 +200,8 @@ def rig_constants(parameters: RigParameters, sample_period_s: float) -> RigConst
         lumped=lumped,
         noise_rms_um=p.noise_rms_um,
         adc=converter_constants(
-            -adc_limit_um, adc_limit_um, 2.0 * adc_limit_um, p.adc_bits, p.operating_point_um))
+            -adc_limit_um, adc_limit_um, 2.0 * adc_limit_um, p.adc_bits, p.operating_point_um),
+        creep=creep_constants(p, sample_period_s))
 
 
 def initial_state(constants: RigConstants, vector: Callable[[list[float]], Any] = list) -> RigState:
@@ -211,6 +222,8 @@ def initial_state(constants: RigConstants, vector: Callable[[list[float]], Any] 
         play_um=vector([0.0] * len(constants.hysteresis.width_um)),
         mechanics=vector([0.0] * len(constants.mechanics.b)),
         displacement_um=vector([0.0]),
+        relaxed_um=vector([0.0] * (len(constants.creep.rate) if constants.creep else 0)),
+        drift_um=vector([0.0]),
         scratch=vector([0.0] * 5))
 
 
@@ -233,12 +246,15 @@ def rig_step(state: RigState, constants: RigConstants, voltage_v: float) -> floa
     state.drive_v[0] = drive_v
     if constants.lumped:
         free_um = forward_step(state.play_um, constants.hysteresis, drive_v)
+        free_um = creep_step(state.relaxed_um, constants.creep, free_um)
         true_um = update_then_output(state.mechanics, state.scratch, constants.mechanics, free_um)
     else:
         amplified_v = update_then_output(
             state.amplifier, state.scratch, constants.amplifier, drive_v)
         free_um = forward_step(state.play_um, constants.hysteresis, amplified_v)
+        free_um = creep_step(state.relaxed_um, constants.creep, free_um)
         true_um = output_then_update(state.mechanics, state.scratch, constants.mechanics, free_um)
+    true_um = drift_step(state.drift_um, constants.creep, true_um)
     state.displacement_um[0] = true_um
     return true_um
 

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from piezo_ros.model.converter import ConverterConstants
+from piezo_ros.model.creep import CreepConstants
 from piezo_ros.model.hysteresis import (
     HysteresisConstants,
     HysteresisParameters,
@@ -30,7 +31,13 @@ from piezo_ros.model.rig import (
 from piezo_ros.model.state_space import LinearConstants
 from piezo_ros.model.step import step
 
-__all__ = ['compensator_stepper', 'hold_packed', 'inverse_packed', 'rig_stepper']
+__all__ = [
+    'compensator_stepper',
+    'hold_packed',
+    'hold_packed_creeping',
+    'inverse_packed',
+    'rig_stepper',
+]
 
 
 def rig_stepper(
@@ -58,9 +65,11 @@ def rig_stepper(
     constants = rig_constants(parameters, sample_period_s)
     state = initial_state(constants)
     if compiled:
-        from piezo_ros.model.kernels import hold_packed_kernel
-        sizes = [len(state.play_um), len(state.amplifier), len(state.mechanics)]
-        return _bound(hold_packed_kernel, sizes, state, constants)
+        from piezo_ros.model.kernels import hold_packed_creeping_kernel, hold_packed_kernel
+        sizes = [
+            len(state.play_um), len(state.amplifier), len(state.mechanics), len(state.relaxed_um)]
+        packed = hold_packed_creeping_kernel if constants.creep else hold_packed_kernel
+        return _bound(packed, sizes, state, constants)
 
     def hold(voltage_v: float, unit_noise: float) -> float:
         return measure_step(constants, rig_step(state, constants, voltage_v), unit_noise)
@@ -109,7 +118,9 @@ def _bound(kernel: Any, sizes: list[int], *contents: Any) -> Callable[..., float
 
 
 def _flat(value: Any) -> list[float]:
-    """Return the numbers of nested named tuples and lists, depth first."""
+    """Return the numbers of nested named tuples and lists, depth first; none of None."""
+    if value is None:
+        return []
     if isinstance(value, list | tuple):
         return [number for element in value for number in _flat(element)]
     return [float(value)]
@@ -117,19 +128,38 @@ def _flat(value: Any) -> list[float]:
 
 @step
 def hold_packed(memory: Any, voltage_v: float, unit_noise: float) -> float:
-    """Take rig and state apart, do what `rig_stepper` says."""
+    """Take a rig without creep and its state apart, do what `rig_stepper` says."""
+    return _hold_packed(memory, None, voltage_v, unit_noise)
+
+
+@step
+def hold_packed_creeping(memory: Any, voltage_v: float, unit_noise: float) -> float:
+    """Take a rig with creep or drift and its state apart, do what `rig_stepper` says."""
+    relaxations, end = int(memory[3]), len(memory) - 1
+    creep = CreepConstants(
+        memory[end - 2 * relaxations:end - relaxations], memory[end - relaxations:end],
+        memory[end])
+    return _hold_packed(memory, creep, voltage_v, unit_noise)
+
+
+@step
+def _hold_packed(
+    memory: Any, creep: CreepConstants | None, voltage_v: float, unit_noise: float,
+) -> float:
     elements, first_order, second_order = int(memory[0]), int(memory[1]), int(memory[2])
-    at = 3
+    relaxations = int(memory[3])
+    amplifier_at = 5
+    play_at = amplifier_at + first_order
+    mechanics_at = play_at + elements
+    displacement_at = mechanics_at + second_order
+    relaxed_at = displacement_at + 1
+    drift_at = relaxed_at + relaxations
+    scratch_at = drift_at + 1
+    at = scratch_at + 5
     state = RigState(
-        memory[at:at + 1],
-        memory[at + 1:at + 1 + first_order],
-        memory[at + 1 + first_order:at + 1 + first_order + elements],
-        memory[at + 1 + first_order + elements:at + 1 + first_order + elements + second_order],
-        memory[at + 1 + first_order + elements + second_order:
-               at + 2 + first_order + elements + second_order],
-        memory[at + 2 + first_order + elements + second_order:
-               at + 7 + first_order + elements + second_order])
-    at += 7 + first_order + elements + second_order
+        memory[4:amplifier_at], memory[amplifier_at:play_at], memory[play_at:mechanics_at],
+        memory[mechanics_at:displacement_at], memory[displacement_at:relaxed_at],
+        memory[relaxed_at:drift_at], memory[drift_at:scratch_at], memory[scratch_at:at])
     dac = _converter_at(memory, at)
     slew_step_v = memory[at + 4]
     at += 5
@@ -141,7 +171,7 @@ def hold_packed(memory: Any, voltage_v: float, unit_noise: float) -> float:
     at += second_order * (second_order + 2) + 1
     constants = RigConstants(
         dac, slew_step_v, amplifier, hysteresis, mechanics, memory[at] > 0.0, memory[at + 1],
-        _converter_at(memory, at + 2))
+        _converter_at(memory, at + 2), creep)
     return measure_step(constants, rig_step(state, constants, voltage_v), unit_noise)
 
 

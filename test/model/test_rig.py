@@ -19,6 +19,10 @@ RIGS = {
     'lumped': RigParameters(order='lumped'),
     'slew': RigParameters(slew_limit_v_per_s=18900.0, **MISMATCHES),
     'ideal': RigParameters(order='lumped', **IDEAL),
+    'creeping': RigParameters(
+        creep_per_decade=0.02, creep_start_s=1e-3, drift_um_per_s=0.1, **MISMATCHES),
+    'creeping lumped': RigParameters(order='lumped', creep_per_decade=0.02, creep_end_s=1.0),
+    'drifting': RigParameters(drift_um_per_s=-0.1),
     'few elements': RigParameters(kappa_um_per_v=[20.0, 1.3], saturation_v=[0.0], seed=9),
 }
 either_order = pytest.mark.parametrize('order', ['physical', 'lumped'])

@@ -1,0 +1,107 @@
+"""
+Creep and drift: what a piezo stage does slowly, beside its hysteresis.
+
+After a step the displacement goes on growing by the same share for every tenfold time. The operator
+is linear: relaxations whose time constants are evenly spread on a logarithmic scale. Drift is what
+warms up: a constant rate, whatever the voltage. Both are off by default.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from piezo_ros.model.parameters import ParameterError, ParameterSet, parameter
+from piezo_ros.model.step import Vector, step
+
+__all__ = ['CreepConstants', 'CreepParameters', 'creep_constants', 'creep_step', 'drift_step']
+
+# So dense that the growth is even to a hundredth of itself.
+_PER_DECADE = 2
+
+
+@dataclass(frozen=True, kw_only=True)
+class CreepParameters(ParameterSet):
+    """Creep and drift of a stage."""
+
+    creep_per_decade: float = parameter(
+        0.0, '', 'share of the displacement that a constant voltage adds in every tenfold time; '
+        '0: no creep', minimum=0.0, maximum=1.0)
+    creep_start_s: float = parameter(
+        0.1, 's', 'time after a step at which creep begins', minimum=1e-6, maximum=1e6)
+    creep_end_s: float = parameter(
+        1000.0, 's', 'time after a step at which creep ends', minimum=1e-6, maximum=1e9)
+    drift_um_per_s: float = parameter(
+        0.0, 'um/s', 'drift of the displacement; 0: none', minimum=-1e3, maximum=1e3)
+
+    def check_together(self) -> None:
+        """Refuse creep that ends before it begins."""
+        super().check_together()
+        if not self.creep_start_s < self.creep_end_s:
+            raise ParameterError(
+                f'creep_start_s is {self.creep_start_s} s, it must be below creep_end_s '
+                f'{self.creep_end_s} s')
+
+
+class CreepConstants(NamedTuple):
+    """What the steps need of the parameters; lists in a node, arrays in a kernel."""
+
+    share: Vector  # (r,) of the displacement, for each relaxation
+    rate: Vector  # (r,) share of the way that it goes in a sample
+    drift_um: float  # per sample
+
+
+def creep_constants(
+    parameters: CreepParameters, sample_period_s: float,
+) -> CreepConstants | None:
+    """
+    Return the constants of the steps, None where there is neither creep nor drift.
+
+    Of None a compiler knows beforehand that there is nothing to do; of no relaxations it does not.
+
+    Parameters
+    ----------
+    parameters : CreepParameters
+        Creep and drift.
+    sample_period_s : float
+        Sample period, seconds.
+
+    """
+    p = parameters
+    if p.creep_per_decade == 0.0 and p.drift_um_per_s == 0.0:
+        return None
+    count = 0
+    if p.creep_per_decade > 0.0:
+        decades = math.log10(p.creep_end_s / p.creep_start_s)
+        count = max(round(_PER_DECADE * decades), 1)
+    ratio = (p.creep_end_s / p.creep_start_s) ** (1.0 / max(count, 1))
+    # Each stands in the middle of its part of the range.
+    times_s = [p.creep_start_s * ratio ** (i + 0.5) for i in range(count)]
+    return CreepConstants(
+        share=[p.creep_per_decade * math.log10(ratio)] * count,
+        rate=[-math.expm1(-sample_period_s / time_s) for time_s in times_s],
+        drift_um=p.drift_um_per_s * sample_period_s)
+
+
+@step
+def creep_step(
+    relaxed_um: Vector, constants: CreepConstants | None, displacement_um: float,
+) -> float:
+    """Return a displacement with its creep; the relaxations in ``relaxed_um`` move on."""
+    if constants is None:
+        return displacement_um
+    crept_um = displacement_um
+    for i in range(len(constants.rate)):
+        relaxed_um[i] += constants.rate[i] * (displacement_um - relaxed_um[i])
+        crept_um += constants.share[i] * relaxed_um[i]
+    return crept_um
+
+
+@step
+def drift_step(
+    drift_um: Vector, constants: CreepConstants | None, displacement_um: float,
+) -> float:
+    """Return a displacement with the drift at the end of the sample, which moves on."""
+    if constants is None:
+        return displacement_um
+    drift_um[0] += constants.drift_um
+    return displacement_um + drift_um[0]
