@@ -25,6 +25,9 @@ __all__ = ['kernel']
 _Function = TypeVar('_Function', bound=Callable[..., Any])
 # Kernels allocate nothing; without the counting of references (nrt) they are four times faster.
 _OPTIONS: dict[str, Any] = {'fastmath': False, 'error_model': 'numpy', '_nrt': False}
+# A step that is left to the compiler's own judgement may stay a call, which hands its hundred
+# constants and states over one by one: ten times as long as what it computes.
+_STEP_OPTIONS: dict[str, Any] = {**_OPTIONS, 'forceinline': True}
 _registered: set[Callable[..., Any]] = set()
 
 
@@ -45,7 +48,7 @@ def kernel(function: _Function) -> _Function:
     """
     for shared in marked_steps():
         if shared not in _registered:
-            register_jitable(**_OPTIONS)(shared)
+            register_jitable(**_STEP_OPTIONS)(shared)
             _registered.add(shared)
     # numba reads the directory when it is told to cache, so other packages keep their own.
     settings: Any = numba.config

@@ -125,9 +125,16 @@ def output_then_update(
     state: Vector, scratch: Vector, constants: LinearConstants, value: float,
 ) -> float:
     """Return ``C x[k] + D u[k]`` and move the state on to k + 1."""
-    output = constants.d * value
+    a, b, c, d = constants
     order = len(state)
-    c = constants.c
+    if order == 3:  # written out: the mechanics with the sensor, once per sample
+        x0, x1, x2 = state[0], state[1], state[2]
+        state[0] = b[0] * value + a[0] * x0 + a[1] * x1 + a[2] * x2
+        state[1] = b[1] * value + a[3] * x0 + a[4] * x1 + a[5] * x2
+        state[2] = b[2] * value + a[6] * x0 + a[7] * x1 + a[8] * x2
+        output: float = d * value + c[0] * x0 + c[1] * x1 + c[2] * x2
+        return output
+    output = d * value
     for i in range(order):
         output += c[i] * state[i]
     _update(state, scratch, constants, value)
@@ -139,10 +146,19 @@ def update_then_output(
     state: Vector, scratch: Vector, constants: LinearConstants, value: float,
 ) -> float:
     """Move the state on to k + 1 under the held ``u[k]`` and return ``C x[k+1]`` (D is zero)."""
+    a, b, c, _ = constants
+    order = len(state)
+    if order == 2:  # written out: the amplifier, once per sample
+        x0, x1 = state[0], state[1]
+        next_0 = b[0] * value + a[0] * x0 + a[1] * x1
+        next_1 = b[1] * value + a[2] * x0 + a[3] * x1
+        state[0] = next_0
+        state[1] = next_1
+        output: float = c[0] * next_0 + c[1] * next_1
+        return output
     _update(state, scratch, constants, value)
     output = 0.0
-    c = constants.c
-    for i in range(len(state)):
+    for i in range(order):
         output += c[i] * state[i]
     return output
 
