@@ -20,6 +20,7 @@ __all__ = [
     'BareParameters',
     'BlockParameters',
     'DemandParameters',
+    'PaceParameters',
     'RecorderParameters',
     'SafetyParameters',
     'StageParameters',
@@ -46,10 +47,13 @@ class StageParameters(ParameterSet):
     compiled: bool = parameter(
         False, '', 'compute in compiled code: quicker for each sample, a second more to start')
     autostart: bool = parameter(
-        True, '', 'configure and activate at start, without a lifecycle manager')
+        True, '', 'configure and activate at start, without a lifecycle manager', change='start')
     linger_s: float = parameter(
         1.0, 's', 'how long the process stays after its run, for whoever asks it for parameters or '
-        'status; negative: until it is told to end', minimum=-1.0, maximum=1e6)
+        'status; negative: until it is told to end', minimum=-1.0, maximum=1e6, change='running')
+    monitor_rate_hz: float = parameter(
+        20.0, 'Hz', 'wall-clock rate of monitor/<stream>, the newest sample of each output; 0: off',
+        minimum=0.0, maximum=100.0, change='running')
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,10 +62,21 @@ class SafetyParameters(ParameterSet):
 
     watchdog_s: float = parameter(
         2.0, 's', 'wall-clock time without voltage after which the run ends',
-        minimum=0.01, maximum=1e6)
+        minimum=0.01, maximum=1e6, change='running')
     safe_slew_v_per_s: float = parameter(
         1000.0, 'V/s', 'how fast the voltage goes to zero deviation at the end',
-        minimum=1.0, maximum=1e9)
+        minimum=1.0, maximum=1e9, change='running')
+
+
+@dataclass(frozen=True, kw_only=True)
+class PaceParameters(ParameterSet):
+    """How simulated time relates to the clock on the wall."""
+
+    realtime_factor: float = parameter(
+        0.0, '', 'simulated seconds per wall-clock second; 0: as fast as possible',
+        minimum=0.0, maximum=1e6)
+    publish_clock: bool = parameter(
+        False, '', 'publish the simulated time on the topic clock, for one rig remapped to /clock')
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -127,7 +142,8 @@ NODE_PARAMETERS: Final[Mapping[str, tuple[type[ParameterSet], ...]]] = {
     'recorder': (RecorderParameters, StageParameters),
     'compensator': (HysteresisParameters, StageParameters),
     'controller': (ControllerParameters, DemandParameters, StageParameters),
-    'plant': (RigParameters, SafetyParameters, BareParameters, StageParameters),
+    'plant': (
+        RigParameters, SafetyParameters, PaceParameters, BareParameters, StageParameters),
     'trajectory': (TrajectoryParameters, BlockParameters, StageParameters),
 }
 

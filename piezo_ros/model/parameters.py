@@ -12,10 +12,23 @@ import sys
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple, TypeVar
 
-__all__ = ['Constraint', 'ParameterError', 'ParameterSet', 'constraint_of', 'parameter']
+__all__ = [
+    'CHANGES',
+    'Constraint',
+    'ParameterError',
+    'ParameterSet',
+    'constraint_of',
+    'parameter',
+]
 
 
 _Set = TypeVar('_Set', bound='ParameterSet')
+# When a node takes another value of a parameter, in words for its descriptor.
+CHANGES = {
+    'running': 'at once, also during a run',
+    'activation': 'at the next activation; refused during a run',
+    'start': 'only as the process starts',
+}
 
 
 class ParameterError(ValueError):
@@ -36,6 +49,8 @@ class Constraint(NamedTuple):
         Inclusive bounds (of every element, for lists).
     choices : tuple of str
         The allowed texts, empty where any text will do.
+    change : str
+        When a node takes another value, one of `CHANGES`.
 
     """
 
@@ -44,6 +59,7 @@ class Constraint(NamedTuple):
     minimum: float | None
     maximum: float | None
     choices: tuple[str, ...]
+    change: str = 'activation'
 
 
 def parameter(
@@ -54,6 +70,7 @@ def parameter(
     minimum: float | None = None,
     maximum: float | None = None,
     choices: Sequence[str] = (),
+    change: str = 'activation',
 ) -> Any:
     """
     Return a dataclass field that carries its own constraint.
@@ -70,9 +87,12 @@ def parameter(
         Inclusive bounds.
     choices : sequence of str, optional
         Allowed texts.
+    change : str, optional
+        When a node takes another value, one of `CHANGES`.
 
     """
-    constraint = Constraint(unit, description, minimum, maximum, tuple(choices))
+    assert change in CHANGES
+    constraint = Constraint(unit, description, minimum, maximum, tuple(choices), change)
     return dataclasses.field(default=default, metadata={'constraint': constraint})
 
 

@@ -119,7 +119,7 @@ def _serve(make_stages: Callable[[], Sequence[Stage]], stop: _Stop) -> int:
 
 def _bring_up(stages: Sequence[Stage], stop: _Stop) -> bool:
     """Configure and activate the stages that start by themselves."""
-    own = [stage for stage in stages if stage.get_parameter('autostart').value]
+    own = [stage for stage in stages if stage.starts_itself]
     for transition in ('trigger_configure', 'trigger_activate'):
         for stage in own:
             if stop.signal_number:
@@ -169,7 +169,10 @@ def _place_in_flow(stage: Stage) -> int:
 
 def _all_over(stages: Sequence[Stage], idle_s: float) -> bool:
     """Return whether every run is over and has been for as long as the process shall stay."""
-    if not all(stage.over and not stage.running for stage in stages):
+    if all(stage.shut_down for stage in stages):
+        return True
+    # Who has brought a stage up by its services will also tell it when to go.
+    if not all(stage.starts_itself and stage.over and not stage.running for stage in stages):
         return False
     if any(stage.failed for stage in stages):
         return True

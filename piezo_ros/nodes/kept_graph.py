@@ -33,6 +33,7 @@ __all__ = ['KeptGraph']
 _START_S: Final = 30.0
 _SERVICE_S: Final = 60.0
 _ASK_AGAIN_S: Final = 1.0
+_LAST_STATUS_S: Final = 5.0  # of the plant, once another node has ended the run
 # Transition -> the state that it leads to.
 _TARGETS: Final = {
     Transition.TRANSITION_CONFIGURE: State.PRIMARY_STATE_INACTIVE,
@@ -120,19 +121,27 @@ class KeptGraph(Supervisor):
         for transition in (Transition.TRANSITION_CONFIGURE, Transition.TRANSITION_ACTIVATE):
             for node in nodes:
                 self._change_state(node, transition)
-        self._spin_until(lambda: all(
-            self._statuses.get(node, {}).get('state') in ('finished', 'faulted', 'stopped')
-            for node in nodes))
+        def finished(node: str) -> bool:
+            return self._state_of(node) == 'finished'
+
+        def cut_short() -> list[str]:
+            return [node for node in nodes if self._state_of(node) in ('faulted', 'stopped')]
+
+        self._spin_until(lambda: all(map(finished, nodes)) or bool(cut_short()))
+        if cut_short():
+            # The voltage at its end is worth waiting for.
+            self._spin_until(
+                lambda: self._state_of('plant') != 'active', timeout_s=_LAST_STATUS_S)
+            raise CampaignError('; '.join(
+                f'{node}: {self._statuses[node]["reason"]}' for node in cut_short()))
         plant = dict(self._statuses['plant'])
-        faults = [
-            f'{node}: {self._statuses[node]["reason"]}' for node in nodes
-            if self._statuses[node]['state'] != 'finished']
         for transition in (Transition.TRANSITION_DEACTIVATE, Transition.TRANSITION_CLEANUP):
             for node in nodes:
                 self._change_state(node, transition)
-        if faults:
-            raise CampaignError('; '.join(faults))
         return RunResult(float(plant['elapsed_s']))
+
+    def _state_of(self, node: str) -> str:
+        return str(self._statuses.get(node, {}).get('state', ''))
 
     def _set_parameters(self, node: str, values: Mapping[str, Any]) -> None:
         request = SetParametersAtomically.Request(parameters=[

@@ -1,6 +1,7 @@
 """Declares parameter sets as ROS parameters and reads them back, refusing what they refuse."""
 
 import dataclasses
+from collections.abc import Callable, Mapping
 from typing import Any, TypeVar
 
 from rcl_interfaces.msg import (
@@ -12,14 +13,17 @@ from rcl_interfaces.msg import (
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from piezo_ros.model.parameters import ParameterError, ParameterSet, constraint_of
+from piezo_ros.model.parameters import CHANGES, ParameterError, ParameterSet, constraint_of
 
-__all__ = ['declare', 'read']
+__all__ = ['declare', 'fixed_during_run', 'plain', 'read']
 
 _Set = TypeVar('_Set', bound=ParameterSet)
 
 
-def declare(node: Node, *sets: type[ParameterSet]) -> None:
+def declare(
+    node: Node, *sets: type[ParameterSet],
+    accept: Callable[[Mapping[str, Any]], str] = lambda changes: '',
+) -> None:
     """
     Declare every parameter of some sets with description, range and unit.
 
@@ -29,6 +33,9 @@ def declare(node: Node, *sets: type[ParameterSet]) -> None:
         Where to declare.
     *sets : type of ParameterSet
         The sets; a name that two of them share is declared once.
+    accept : callable, optional
+        Is given the changes of one call that the sets allow, by name; what it returns is the reason
+        to refuse them all, '' for none.
 
     """
     for parameter_set in sets:
@@ -38,7 +45,13 @@ def declare(node: Node, *sets: type[ParameterSet]) -> None:
                 node.declare_parameter(
                     field.name, list(default) if isinstance(default, tuple) else default,
                     _descriptor(field))
-    node.add_on_set_parameters_callback(lambda changes: _check_changes(node, sets, changes))
+
+    def check(changes: list[Parameter[Any]]) -> SetParametersResult:
+        reason = _refusal(node, sets, changes) or accept({
+            change.name: change.value for change in changes})
+        return SetParametersResult(successful=not reason, reason=reason)
+
+    node.add_on_set_parameters_callback(check)
 
 
 def read(node: Node, parameter_set: type[_Set]) -> _Set:
@@ -56,14 +69,28 @@ def read(node: Node, parameter_set: type[_Set]) -> _Set:
         for field in dataclasses.fields(parameter_set)})
 
 
+def fixed_during_run(*sets: type[ParameterSet]) -> frozenset[str]:
+    """Return the names of the parameters that cannot change during a run."""
+    return frozenset(
+        field.name for parameter_set in sets for field in dataclasses.fields(parameter_set)
+        if constraint_of(field).change != 'running')
+
+
+def plain(value: Any) -> Any:
+    """Return the value of a parameter in types that YAML can write."""
+    return list(value) if hasattr(value, '__iter__') and not isinstance(value, str) else value
+
+
 def _descriptor(field: 'dataclasses.Field[Any]') -> ParameterDescriptor:
     constraint = constraint_of(field)
     text = constraint.description
     if constraint.unit:
         text += f' [{constraint.unit}]'
-    descriptor = ParameterDescriptor(name=field.name, description=text)
-    if constraint.choices:
-        descriptor.additional_constraints = 'one of ' + ', '.join(constraint.choices)
+    descriptor = ParameterDescriptor(
+        name=field.name, description=text, read_only=constraint.change == 'start')
+    when = f'takes effect {CHANGES[constraint.change]}'
+    descriptor.additional_constraints = '; '.join([
+        *(['one of ' + ', '.join(constraint.choices)] if constraint.choices else []), when])
     default, low, high = field.default, constraint.minimum, constraint.maximum
     if isinstance(default, bool | str | tuple):
         # A user may write whole numbers in a list of numbers; the set converts them.
@@ -79,10 +106,10 @@ def _descriptor(field: 'dataclasses.Field[Any]') -> ParameterDescriptor:
     return descriptor
 
 
-def _check_changes(
+def _refusal(
     node: Node, sets: tuple[type[ParameterSet], ...], changes: list[Parameter[Any]],
-) -> SetParametersResult:
-    """Refuse a change that a set would refuse; all of one call or nothing."""
+) -> str:
+    """Return why a set refuses the changes of one call, '' where none does."""
     new = {change.name: change.value for change in changes}
     for parameter_set in sets:
         names = [field.name for field in dataclasses.fields(parameter_set)]
@@ -92,5 +119,5 @@ def _check_changes(
         try:
             parameter_set.from_mapping(values)
         except ParameterError as error:
-            return SetParametersResult(successful=False, reason=str(error))
-    return SetParametersResult(successful=True)
+            return str(error)
+    return ''

@@ -92,6 +92,10 @@ class Plant(Stage):
                 f'no voltage for {self._safety.watchdog_s:g} s after sample '
                 f'{self._voltage.next_index - 1}')
 
+    def parameters_changed(self) -> None:
+        """Take over new limits of the watchdog and of the safe slew."""
+        self._safety = read(self, SafetyParameters)
+
     def quiesce(self) -> None:
         """Ramp the voltage to zero deviation at the safe slew."""
         step_v = self._safety.safe_slew_v_per_s * self.settings.sample_period_s

@@ -2,7 +2,7 @@
 
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
-__all__ = ['EVERY_STATUS', 'LATCHED', 'STREAM']
+__all__ = ['DIAGNOSTICS', 'EVERY_STATUS', 'LATCHED', 'NEWEST', 'STREAM']
 
 # A reader that does not take blocks the writer; nothing is ever dropped.
 STREAM = QoSProfile(
@@ -18,3 +18,13 @@ LATCHED = QoSProfile(
 EVERY_STATUS = QoSProfile(
     history=HistoryPolicy.KEEP_ALL, reliability=ReliabilityPolicy.RELIABLE,
     durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+# For onlookers: whoever is late or slow misses something, and nobody waits for them.
+NEWEST = QoSProfile(
+    history=HistoryPolicy.KEEP_LAST, depth=1, reliability=ReliabilityPolicy.BEST_EFFORT,
+    durability=DurabilityPolicy.VOLATILE)
+
+# What the aggregators of diagnostics ask for.
+DIAGNOSTICS = QoSProfile(
+    history=HistoryPolicy.KEEP_LAST, depth=10, reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.VOLATILE)

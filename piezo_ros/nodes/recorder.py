@@ -13,7 +13,7 @@ from piezo_ros.bag import BagError, BagWriter
 from piezo_ros.experiment.node_parameters import RecorderParameters
 from piezo_ros.experiment.provenance import parameters_yaml, run_metadata
 from piezo_ros.model.parameters import ParameterError
-from piezo_ros.nodes.parameters import read
+from piezo_ros.nodes.parameters import plain, read
 from piezo_ros.nodes.stage import Stage
 from piezo_ros.nodes.streams import StreamFault
 
@@ -203,14 +203,9 @@ class _PeerParameters:
 
     def _got_values(self, name: str, names: list[str], answer: Any) -> None:
         self.parameters[_base_name(name)] = {
-            parameter_name: _plain(parameter_value_to_python(value))
+            parameter_name: plain(parameter_value_to_python(value))
             for parameter_name, value in zip(names, answer.result().values, strict=True)}
 
 
 def _base_name(name: str) -> str:
     return name.rpartition('/')[2]
-
-
-def _plain(value: Any) -> Any:
-    """Return a value that YAML can write."""
-    return list(value) if hasattr(value, '__iter__') and not isinstance(value, str) else value

@@ -29,7 +29,7 @@ def run_parameters(
     compiled : bool
         Whether the stages compute in compiled code.
     autostart : bool
-        Whether the nodes bring themselves up.
+        Whether the nodes bring themselves up; where not, they have been told at their start.
 
     Returns
     -------
@@ -38,19 +38,20 @@ def run_parameters(
 
     """
     # The stages stay until the recorder has all it wants of them.
-    common = {
-        'required_readers': 2 if record else 1, 'linger_s': -1.0, 'autostart': autostart,
-        'compiled': compiled}
+    common = {'required_readers': 2 if record else 1, 'linger_s': -1.0, 'compiled': compiled}
     sections = {stage: {**planned.parameters[stage], **common} for stage in planned.stages}
     # Without a controller the plant demands, and only the recorder reads its displacement.
     sections['plant']['demand_lookahead_samples'] = _BARE_LOOKAHEAD if planned.bare else 0
     if planned.bare:
         sections['plant']['required_readers'] = int(record)
-    if not record:
-        return sections
-    recorder = {
-        'streams': 'voltage,displacement' if planned.bare else ','.join(STREAMS),
-        'bag_directory': str(bag.absolute()), 'autostart': autostart,
-        'linger_s': 0.0 if autostart else -1.0, 'parameters_timeout_s': _PARAMETERS_TIMEOUT_S,
-        'sample_period_s': planned.trajectory.sample_period_s}
-    return {'recorder': recorder, **sections}
+    if record:
+        sections = {'recorder': {
+            'streams': 'voltage,displacement' if planned.bare else ','.join(STREAMS),
+            'bag_directory': str(bag.absolute()), 'linger_s': 0.0 if autostart else -1.0,
+            'parameters_timeout_s': _PARAMETERS_TIMEOUT_S,
+            'sample_period_s': planned.trajectory.sample_period_s}, **sections}
+    for values in sections.values():
+        values.pop('autostart', None)
+        if autostart:
+            values['autostart'] = True
+    return sections

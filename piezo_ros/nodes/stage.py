@@ -10,7 +10,7 @@ import json
 import threading
 import time
 import traceback
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
@@ -19,17 +19,22 @@ from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 from std_msgs.msg import String
+from std_srvs.srv import Trigger
 
 from piezo_ros.experiment.node_parameters import NODE_PARAMETERS, StageParameters
-from piezo_ros.model.parameters import ParameterError
-from piezo_ros.nodes.parameters import declare, read
+from piezo_ros.nodes.observation import Diagnostics, Monitor
+from piezo_ros.nodes.parameters import declare, fixed_during_run, plain, read
 from piezo_ros.nodes.qos import LATCHED
 from piezo_ros.nodes.streams import StreamFault, StreamReader, StreamWriter
 
-__all__ = ['Stage']
+__all__ = ['ServiceRefusedError', 'Stage']
 
 _CHECK_PEERS_S = 0.25
 _REPORT_S = 1.0
+
+
+class ServiceRefusedError(Exception):
+    """What a service was asked for does not go now; the text says why."""
 
 
 class Stage(LifecycleNode):
@@ -49,6 +54,8 @@ class Stage(LifecycleNode):
     outputs: tuple[str, ...] = ()
     # Whether others wait for its next message, so that it shall look for its input all the time.
     urgent = True
+    # The counts whose growth the diagnostics warn of.
+    troubles: tuple[str, ...] = ('refused_messages', 'gaps')
 
     def __init__(self, name: str, *, compiled: bool = False) -> None:
         self._stream_subscriptions: set[Subscription[Any]] = set()
@@ -56,20 +63,33 @@ class Stage(LifecycleNode):
         self._own_publishers: list[Publisher[Any]] = []
         super().__init__(
             name, parameter_overrides=[Parameter('compiled', value=True)] if compiled else [])
-        declare(self, *NODE_PARAMETERS[name])
+        self._fixed = fixed_during_run(*NODE_PARAMETERS[name])
+        self._configured = False
+        self._reread = False  # parameters have changed since they were read
+        declare(self, *NODE_PARAMETERS[name], accept=self._accept_changes)
+        self.add_post_set_parameters_callback(self._after_changes)
+        self.starts_itself = bool(self.get_parameter('autostart').value)
         self.running = False
-        self.failed = False
+        self.failed = False  # a fault is latched
         self.over = False  # a run has ended, well or not
+        self.shut_down = False
         self.stop_requested = False
+        self.run_number = 0
+        self.activity = 'unconfigured'
+        self.result = ''  # how the newest run ended
+        self.reason = ''
         self.readers: dict[str, StreamReader] = {}
         self.writers: dict[str, StreamWriter] = {}
-        self._reason = ''
         self._status = self.create_publisher(String, 'status', LATCHED)
         self._next_check = 0.0
         self._next_report = 0.0
         self._thread = threading.get_ident()
         self._request: Callable[[], None] | None = None
         self._request_done = threading.Event()
+        self._monitor = Monitor(self)
+        self._diagnostics = Diagnostics(self)
+        self.create_trigger('reset', self.reset)
+        self.create_trigger('stop', self._stop_by_service)
 
     # -- what a stage defines ---------------------------------------------------------------------
 
@@ -93,6 +113,25 @@ class Stage(LifecycleNode):
         """Return what the stage adds to its status."""
         return {}
 
+    def counts(self) -> dict[str, int]:
+        """Return what the diagnostics tell of the run: samples, and what went wrong how often."""
+        readers = self.readers.values()
+        return {
+            'samples': max(
+                (end.sent for end in self.writers.values()),
+                default=max((end.received for end in readers), default=0)),
+            'refused_messages': sum(reader.refused for reader in readers),
+            'gaps': sum(reader.gaps for reader in readers),
+            'lag_samples': max((len(reader.queue) for reader in readers), default=0),
+        }
+
+    def change_parameters(self, changes: Mapping[str, Any]) -> str:
+        """Take changes that the sets allow, in the executor; return why not, '' if so."""
+        return ''
+
+    def parameters_changed(self) -> None:
+        """Take over what may change at once; the new values are there."""
+
     def required_inputs(self) -> tuple[str, ...]:
         """Return the inputs that must have a writer before the run starts."""
         return self.inputs
@@ -102,62 +141,107 @@ class Stage(LifecycleNode):
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Read the parameters and create every endpoint."""
         try:
-            self.settings = read(self, StageParameters)
-            self.configure()
-        except (ParameterError, ValueError, OSError) as error:
-            self.get_logger().error(f'cannot configure: {error}')
-            self._reason = str(error)
-            return TransitionCallbackReturn.FAILURE
-        self.readers = {stream: StreamReader(self, stream) for stream in self.inputs}
-        self.writers = {stream: StreamWriter(self, stream) for stream in self.outputs}
-        self.create_endpoints()
+            self._read_parameters()
+            self.readers = {stream: StreamReader(self, stream) for stream in self.inputs}
+            self.writers = {stream: StreamWriter(self, stream) for stream in self.outputs}
+            self.create_endpoints()
+            self._monitor.create_endpoints()
+        except Exception as error:  # rclpy would swallow it.
+            self._destroy_endpoints()
+            return self._refuse('configure', error)
+        self._configured = True
+        self.reason = ''
         self._report('inactive')
         return TransitionCallbackReturn.SUCCESS
+
+    def _read_parameters(self) -> None:
+        self._reread = False
+        self.settings = read(self, StageParameters)
+        self.configure()
+
+    def _refuse(self, transition: str, why: Exception | str) -> TransitionCallbackReturn:
+        """Say why a transition fails, in log and status."""
+        self.reason = str(why)
+        self.get_logger().error(f'cannot {transition}: {why}')
+        if isinstance(why, Exception) and not isinstance(why, (ValueError, OSError)):
+            self.get_logger().error(''.join(traceback.format_exception(why)))
+        self._report(self.activity)
+        return TransitionCallbackReturn.FAILURE
 
     def create_endpoints(self) -> None:
         """Create what the stage has beside its streams."""
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Wait for the peers, set all state to its initial value, start the run."""
+        if self.failed:
+            return self._refuse('activate', (
+                f'a fault is latched until ~/reset is called: {self.reason}'))
+        try:
+            self._take_changed_parameters()
+        except Exception as error:  # rclpy would swallow it.
+            return self._refuse('activate', error)
         missing = self._await_peers()
         if missing:
-            self._reason = missing
-            self.get_logger().error(f'cannot activate: {missing}')
-            return TransitionCallbackReturn.FAILURE
-        result = TransitionCallbackReturn.SUCCESS
+            return self._refuse('activate', missing)
+        problem: list[Exception] = []
 
         def begin() -> None:
-            nonlocal result
             start_index, period_s = self.settings.start_index, self.settings.sample_period_s
             for reader in self.readers.values():
                 reader.start(start_index, period_s)
             for writer in self.writers.values():
                 writer.start(max(start_index, 0), period_s)
-            self.failed, self.over, self._reason = False, False, ''
+            self.over, self.reason, self.result = False, '', ''
+            self.run_number += 1
             try:
                 self.start()
-            except Exception as error:
-                self.get_logger().error(f'cannot start: {error}')
-                self._reason = str(error)
-                result = TransitionCallbackReturn.FAILURE
+            except Exception as error:  # rclpy would swallow it.
+                problem.append(error)
                 return
             self.running = True
             self._report('active')
 
         self.between_samples(begin)
-        return result
+        if problem:
+            return self._refuse('activate', problem[0])
+        self._monitor.run_at(self.settings.monitor_rate_hz)
+        return TransitionCallbackReturn.SUCCESS
+
+    def _take_changed_parameters(self) -> None:
+        """Configure again where parameters have changed since; the endpoints stay."""
+        if not self._reread:
+            return
+        before = self.inputs, self.outputs
+        self._read_parameters()
+        after, (self.inputs, self.outputs) = (self.inputs, self.outputs), before
+        if after != before:
+            self._reread = True
+            raise ValueError(
+                'the streams have changed with the parameters: clean up and configure first')
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """End the run; nothing is taken any more."""
         self.between_samples(lambda: self.stop('deactivated'))
         for reader in self.readers.values():
             reader.drain()
+        self._monitor.run_at(0.0)
         self._report('inactive')
         return TransitionCallbackReturn.SUCCESS
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Destroy every endpoint."""
         self.between_samples(lambda: self.stop('cleaned up'))
+        self._destroy_endpoints()
+        self._report('unconfigured')
+        return TransitionCallbackReturn.SUCCESS
+
+    def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """End the run and begin anew, unconfigured."""
+        return self.on_cleanup(state)
+
+    def _destroy_endpoints(self) -> None:
+        self._configured = False
+        self._monitor.run_at(0.0)
         for reader in self.readers.values():
             self._stream_subscriptions.discard(reader.subscription)
             self.destroy_subscription(reader.subscription)
@@ -170,12 +254,77 @@ class Stage(LifecycleNode):
         for publisher in self._own_publishers:
             self.destroy_publisher(publisher)
         self._own_subscriptions, self._own_publishers = [], []
-        return TransitionCallbackReturn.SUCCESS
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """End the run."""
+        """End the run, and the process with it unless other stages live there."""
         self.between_samples(lambda: self.stop('shut down'))
+        self._report('finalized')
+        self.shut_down = True
         return TransitionCallbackReturn.SUCCESS
+
+    # -- services and parameters ------------------------------------------------------------------
+
+    def create_trigger(self, name: str, action: Callable[[], str]) -> None:
+        """
+        Offer a service that takes no arguments.
+
+        Parameters
+        ----------
+        name : str
+            Name of the service below the node's own.
+        action : callable
+            Called in the executor; what it returns is told as it is, what it raises as a refusal.
+
+        """
+        def serve(_request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+            try:
+                response.message = action()
+                response.success = True
+            except Exception as error:
+                response.message = str(error)
+                if not isinstance(error, ServiceRefusedError):
+                    self.get_logger().error(traceback.format_exc())
+            return response
+
+        self.create_service(Trigger, f'~/{name}', serve)
+
+    def reset(self) -> str:
+        """Clear a latched fault, so that the next activation is allowed."""
+        if self.running:
+            raise ServiceRefusedError('a run is going on; call ~/stop or deactivate first')
+        was = f'cleared: {self.reason}' if self.failed else 'there was no fault'
+        self.failed, self.reason = False, ''
+        self._report(self.activity)
+        return was
+
+    def _stop_by_service(self) -> str:
+        if not self.running:
+            raise ServiceRefusedError('no run is going on')
+        # First, so that a writer that waits for its reader gives up.
+        self.stop_requested = True
+        self.between_samples(lambda: self.stop('asked to by ~/stop'))
+        return f'{self.result}: {self.reason}' if self.reason else self.result
+
+    def _accept_changes(self, changes: Mapping[str, Any]) -> str:
+        """Return why changes that the sets allow are refused, '' where they are not."""
+        if self.running:
+            for name, value in changes.items():
+                if name in self._fixed and (
+                    plain(value) != plain(self.get_parameter(name).value)
+                ):
+                    return (
+                        f'{name} takes effect at an activation and cannot change during a run; '
+                        'deactivate first')
+        return self.change_parameters(changes)
+
+    def _after_changes(self, changes: list[Parameter[Any]]) -> None:
+        if not self._configured:
+            return
+        self._reread = True
+        self.settings = read(self, StageParameters)
+        self.parameters_changed()
+        if self.running and any(change.name == 'monitor_rate_hz' for change in changes):
+            self._monitor.run_at(self.settings.monitor_rate_hz)
 
     def bring_up(self) -> bool:
         """Configure, as ``autostart`` does; return whether that went well."""
@@ -258,7 +407,8 @@ class Stage(LifecycleNode):
     def _close(self, state: str, reason: str) -> None:
         self.running = False
         self.over = True
-        self._reason = reason
+        self.reason = reason
+        self.result = state
         for writer in self.writers.values():
             writer.end()
         try:
@@ -340,16 +490,25 @@ class Stage(LifecycleNode):
         """Return what else is missing before the run can start, '' for nothing."""
         return ''
 
-    def _report(self, state: str) -> None:
+    def _report(self, activity: str) -> None:
+        self.activity = activity
         self._next_report = time.monotonic() + _REPORT_S
+        index = max((writer.sent for writer in self.writers.values()), default=0)
         fields = {
             'node': self.get_name(),
-            'state': state,
-            'index': max((writer.sent for writer in self.writers.values()), default=0),
+            'state': activity,
+            'run': self.run_number,
+            'index': index,
+            'total': None,
+            'progress': None,
+            'result': self.result,
             'refused': sum(reader.refused for reader in self.readers.values()),
-            'reason': self._reason,
+            'reason': self.reason,
+            'voltage_v': None,
             **self.status_fields(),
         }
+        if fields['total']:
+            fields['progress'] = fields['index'] / fields['total']
         self._status.publish(String(data=json.dumps(fields)))
 
 

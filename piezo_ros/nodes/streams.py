@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
+from rclpy.qos import ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 from std_msgs.msg import Float64MultiArray
 
@@ -44,6 +45,7 @@ class StreamWriter:
         self.publisher = stage.create_publisher(Float64MultiArray, stream, STREAM)
         self.sent = 0  # samples
         self.newest = 0.0
+        self.is_waiting = False  # for a reader that does not take
         self._stage = stage
         self._codec = BlockCodec(stream)
         self._encode_one = self._codec.encode_one
@@ -85,21 +87,37 @@ class StreamWriter:
             self._publish(self._codec.encode(self._next, self._period_s, []))
 
     def _publish(self, raw: bytes) -> None:
-        # A reader that does not take makes publishing fail after 0.1 s: wait for it, drop nothing.
+        try:
+            self._publish_raw(raw)
+        except _rclpy.RCLError:
+            # A reader that does not take makes publishing fail after 0.1 s.
+            self._publish_patiently(raw)
+
+    def _publish_patiently(self, raw: bytes) -> None:
+        """Wait for a reader, dropping nothing, unless the stage shall stop."""
         warned = 0.0
-        while True:
+        self.is_waiting = True
+        while not self._stage.stop_requested:
+            now = time.monotonic()
+            if now - warned > _WARN_S:
+                warned = now
+                self._stage.get_logger().warning(
+                    f'{self.publisher.topic_name} waits at sample {self._next} for a reader that '
+                    f'does not take its messages: {self._reader_names()}')
             try:
                 self._publish_raw(raw)
-                return
+                break
             except _rclpy.RCLError:
-                if self._stage.stop_requested:
-                    return
-                now = time.monotonic()
-                if now - warned > _WARN_S:
-                    warned = now
-                    self._stage.get_logger().warning(
-                        f'a reader of {self.publisher.topic_name} does not take its messages; '
-                        f'waiting at sample {self._next}')
+                pass
+        self.is_waiting = False
+
+    def _reader_names(self) -> str:
+        """Return the nodes that read; the middleware does not tell which one is behind."""
+        names = sorted({
+            f'{endpoint.node_namespace.rstrip("/")}/{endpoint.node_name}'
+            for endpoint in self._stage.get_subscriptions_info_by_topic(self.publisher.topic_name)
+            if endpoint.qos_profile.reliability == ReliabilityPolicy.RELIABLE})
+        return ' or '.join(names) or 'of unknown name'
 
 
 class StreamReader:
@@ -110,6 +128,7 @@ class StreamReader:
         self.subscription = stage.create_stream_subscription(Float64MultiArray, stream, STREAM)
         self.queue: deque[float] = deque()
         self.refused = 0
+        self.gaps = 0
         self.received = 0  # samples
         self.next_index = 0
         self.ended = False
@@ -144,6 +163,7 @@ class StreamReader:
         self.next_index = max(index, 0)
         self.received = 0
         self.refused = 0
+        self.gaps = 0
         self.ended = False
         self._any_start = index < 0
         self._period_s = sample_period_s
@@ -269,6 +289,7 @@ class StreamReader:
             self.next_index = index
             self._stage.begin_at(index)
         if index != self.next_index:
+            self.gaps += 1
             raise StreamFault(
                 f'{topic} lacks the samples {self.next_index} … {index - 1}')
         return True

@@ -1,0 +1,133 @@
+"""What a stage shows of itself beside its streams: monitor topics and diagnostics."""
+
+import time
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.clock import Clock, ClockType
+from std_msgs.msg import Float64
+
+from piezo_ros.nodes.qos import DIAGNOSTICS, NEWEST
+
+if TYPE_CHECKING:
+    from piezo_ros.nodes.stage import Stage
+
+__all__ = ['Diagnostics', 'Monitor', 'SteadyTimer']
+
+_DIAGNOSTICS_S = 1.0
+
+
+class SteadyTimer:
+    """
+    A timer of the executor on the steady clock, off until it is given a rate.
+
+    Whatever it calls runs beside the stream loop, so that it goes on while that one waits.
+
+    Parameters
+    ----------
+    stage : Stage
+        Whose timer it is.
+    callback : callable
+        What to call.
+
+    """
+
+    def __init__(self, stage: 'Stage', callback: Callable[[], None]) -> None:
+        self._timer = stage.create_timer(
+            1.0, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self._timer.cancel()
+
+    def run_at(self, rate_hz: float) -> None:
+        """Call so often from now on; 0 for never."""
+        self._timer.cancel()
+        if rate_hz > 0.0:
+            self._timer.timer_period_ns = round(1e9 / rate_hz)
+            self._timer.reset()
+
+
+class Monitor:
+    """
+    The newest sample of each output on ``monitor/<stream>``, for tools that plot or echo.
+
+    Best effort and at a rate of the wall clock: looking never slows a run.
+
+    Parameters
+    ----------
+    stage : Stage
+        Whose outputs to show.
+
+    """
+
+    def __init__(self, stage: 'Stage') -> None:
+        self._stage = stage
+        self._publishers: dict[str, Any] = {}
+        self._shown: dict[str, int] = {}
+        self._timer = SteadyTimer(stage, self.show)
+
+    def create_endpoints(self) -> None:
+        """Create a publisher for each output; they go when the stage is cleaned up."""
+        self._publishers = {
+            stream: self._stage.create_own_publisher(Float64, f'monitor/{stream}', NEWEST)
+            for stream in self._stage.writers}
+
+    def run_at(self, rate_hz: float) -> None:
+        """Show so often from now on; 0 for never."""
+        self._shown.clear()
+        self._timer.run_at(rate_hz if self._publishers else 0.0)
+
+    def show(self) -> None:
+        """Publish what has come since the last time."""
+        for stream, publisher in self._publishers.items():
+            writer = self._stage.writers.get(stream)
+            if writer is not None and writer.sent and writer.sent != self._shown.get(stream):
+                self._shown[stream] = writer.sent
+                publisher.publish(Float64(data=writer.newest))
+
+
+class Diagnostics:
+    """
+    The health of a stage on ``/diagnostics``, once a second.
+
+    Parameters
+    ----------
+    stage : Stage
+        Whose health it is.
+
+    """
+
+    def __init__(self, stage: 'Stage') -> None:
+        self._stage = stage
+        self._name = stage.get_fully_qualified_name()
+        self._publisher = stage.create_publisher(DiagnosticArray, '/diagnostics', DIAGNOSTICS)
+        self._before: dict[str, int] = {}
+        self._at_s = time.monotonic()
+        SteadyTimer(stage, self.show).run_at(1.0 / _DIAGNOSTICS_S)
+
+    def show(self) -> None:
+        """Publish the present health."""
+        stage = self._stage
+        counts = stage.counts()
+        now_s = time.monotonic()
+        before, self._before = self._before, counts
+        elapsed_s, self._at_s = now_s - self._at_s, now_s
+        new = {name: count - before.get(name, 0) for name, count in counts.items()}
+        values = {
+            'state': stage.activity, 'run': stage.run_number,
+            'rate_hz': round(max(new['samples'], 0) / elapsed_s, 1), **counts}
+        troubles = [
+            f'{name.replace("_", " ")}: {counts[name]}' for name in stage.troubles
+            if new.get(name, 0) > 0]
+        waiting = [
+            f'waiting for a reader of {writer.publisher.topic_name}'
+            for writer in stage.writers.values() if writer.is_waiting]
+        level, message = DiagnosticStatus.OK, stage.activity
+        if stage.failed:
+            level, message = DiagnosticStatus.ERROR, f'{stage.activity}: {stage.reason}'
+        elif troubles or waiting:
+            level, message = DiagnosticStatus.WARN, '; '.join([*waiting, *troubles])
+        array = DiagnosticArray(status=[DiagnosticStatus(
+            level=level, name=self._name, message=message, hardware_id=stage.get_namespace(),
+            values=[KeyValue(key=key, value=str(value)) for key, value in values.items()])])
+        array.header.stamp = stage.get_clock().now().to_msg()
+        self._publisher.publish(array)
