@@ -14,18 +14,19 @@ import setuptools
 REPOSITORY = Path(__file__).resolve().parents[1]
 EXECUTABLES = ['plant', 'compensator', 'controller', 'trajectory', 'recorder', 'loop', 'piezo']
 
-# Name in an import statement -> (name on PyPI, rosdep key or None where rosdep knows none).
+# Name in an import statement -> (name on PyPI, rosdep key).
 THIRD_PARTY = {
-    'control': ('control', None),
-    'lz4': ('lz4', None),
+    'control': ('control', 'python-control-pip'),
+    # mcap-ros2-support brings mcap, and that lz4 and zstandard.
+    'lz4': ('lz4', 'mcap-ros2-support'),
     'matplotlib': ('matplotlib', 'python3-matplotlib'),
-    'mcap': ('mcap', None),
+    'mcap': ('mcap', 'mcap-ros2-support'),
     'mpl_toolkits': ('matplotlib', 'python3-matplotlib'),
     'numba': ('numba', 'python3-numba'),
     'numpy': ('numpy', 'python3-numpy'),
     'scipy': ('scipy', 'python3-scipy'),
     'yaml': ('pyyaml', 'python3-yaml'),
-    'zstandard': ('zstandard', None),
+    'zstandard': ('zstandard', 'mcap-ros2-support'),
 }
 
 
@@ -104,7 +105,7 @@ def test_the_manifest_names_what_the_code_imports(manifest):
     keys = {dependency.text for dependency in manifest.iter('exec_depend')}
     names = imported_names('piezo_ros', 'launch')
     needed = {THIRD_PARTY.get(name, (None, name))[1] for name in names}
-    assert needed - {None} <= keys
+    assert needed <= keys
 
 
 def test_pip_installs_what_the_code_imports_beside_ros(metadata, manifest):
@@ -115,7 +116,7 @@ def test_pip_installs_what_the_code_imports_beside_ros(metadata, manifest):
 
 def test_the_ros_extra_brings_every_ros_package_that_the_manifest_names(metadata, manifest):
     keys = {dependency.text for dependency in manifest.iter('exec_depend')}
-    from_ros = {key for key in keys if not key.startswith('python3-')}
+    from_ros = keys - {key for _, key in THIRD_PARTY.values()}
     # launch and launch_ros are not on PyPI: launch files need a ROS installation.
     wheels = {f'ros-{key.replace("_", "-")}' for key in from_ros - {'launch', 'launch_ros'}}
     assert wheels <= requirement_names(metadata['extras_require']['ros'])

@@ -109,6 +109,10 @@ class Rig:
             'piezo_ros.nodes.executables', name, '--ros-args', '-r', f'__ns:={self.namespace}',
             *arguments)
 
+    def start_process(self, executable, *words):
+        """Start one node executable with its whole command line."""
+        return self._start('piezo_ros.nodes.executables', executable, *words)
+
     def _start(self, *arguments):
         output = self.directory / f'output_{len(self._processes)}.txt'
         process = Process(arguments, output, self.environment)

@@ -1,0 +1,226 @@
+"""
+What the launch files start: their arguments, and the node executables that follow from them.
+
+The launch files themselves only hand this over to `launch`, so that it can be checked, documented
+and tried without it.
+"""
+
+import dataclasses
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+import yaml
+
+from piezo_ros.experiment.node_parameters import (
+    NODE_PARAMETERS,
+    check_node_parameters,
+    parameter_names,
+)
+from piezo_ros.experiment.parameter_file import read_parameter_file
+from piezo_ros.model import ParameterError
+from piezo_ros.model.parameters import constraint_of
+
+__all__ = ['LAUNCH_FILES', 'LaunchArgument', 'NodeProcess', 'node_processes']
+
+STAGES: Final = ('compensator', 'controller', 'plant', 'trajectory')
+_SCAN_PARAMETERS: Final = {
+    'scheme': 'controller',
+    'waveform': 'trajectory',
+    'amplitude_um': 'trajectory',
+    'frequency_hz': 'trajectory',
+    'harmonics': 'trajectory',
+    'periods': 'trajectory',
+    'ramp_periods': 'trajectory',
+}
+_FILES: Final = {
+    'plant': 'rig_file',
+    'compensator': 'compensator_file',
+    'controller': 'controller_file',
+    'trajectory': 'trajectory_file',
+}
+_PLANT_PARAMETERS: Final = tuple(
+    name for name in ('realtime_factor', 'publish_clock') if name in parameter_names('plant'))
+_TRUE_FALSE: Final = ('true', 'false')
+_UNTIL_TOLD_S: Final = -1.0
+
+
+class LaunchArgument(NamedTuple):
+    """One argument of a launch file, as ``ros2 launch … --show-args`` shows it."""
+
+    name: str
+    default: str
+    description: str
+    choices: tuple[str, ...] = ()
+
+
+class NodeProcess(NamedTuple):
+    """One process to start, and what follows ``--ros-args`` on its command line."""
+
+    executable: str
+    ros_arguments: tuple[str, ...]
+
+
+def _of_parameter(node: str, name: str) -> LaunchArgument:
+    """Return the argument that sets a parameter, by default to what the node has by itself."""
+    for parameter_set in NODE_PARAMETERS[node]:
+        for field in dataclasses.fields(parameter_set):
+            if field.name == name:
+                constraint = constraint_of(field)
+                unit = f' [{constraint.unit}]' if constraint.unit else ''
+                choices = constraint.choices or (
+                    _TRUE_FALSE if isinstance(field.default, bool) else ())
+                return LaunchArgument(
+                    name, _text(field.default), constraint.description + unit, choices)
+    raise LookupError(f'{node} has no parameter {name}')
+
+
+def _text(value: Any) -> str:
+    return str(value).lower() if isinstance(value, bool) else str(value)
+
+
+_COMMON: Final = (
+    LaunchArgument('namespace', '', 'namespace of all nodes; a rig of its own in each'),
+    LaunchArgument(
+        'rig_file', 'rig.yaml', 'parameter file of the plant'),
+    LaunchArgument('compensator_file', 'compensator.yaml', 'parameter file of the compensator'),
+    LaunchArgument('controller_file', 'controller.yaml', 'parameter file of the controller'),
+    LaunchArgument('trajectory_file', 'trajectory.yaml', 'parameter file of the trajectory'),
+    _of_parameter('plant', 'sample_period_s'),
+    LaunchArgument('record', 'false', 'start a recorder, and end with it', _TRUE_FALSE),
+    _of_parameter('recorder', 'bag_directory'),
+    *(_of_parameter('plant', name) for name in _PLANT_PARAMETERS),
+    LaunchArgument(
+        'clock_topic', '/clock', 'where publish_clock publishes; only one rig may have /clock'),
+    _of_parameter('plant', 'autostart'),
+    LaunchArgument(
+        'log_level', 'info', 'what the nodes log', ('debug', 'info', 'warn', 'error', 'fatal')),
+)
+_WITHOUT: Final = LaunchArgument(
+    'without', '', 'nodes not to start, separated by commas: your own take their place')
+_SCAN: Final = tuple(_of_parameter(node, name) for name, node in _SCAN_PARAMETERS.items())
+_COMPOSED: Final = LaunchArgument(
+    'composed', 'false', 'the four stages in one process, compiled', _TRUE_FALSE)
+
+# Launch file -> its arguments. The parameter files are looked for in config/ by default.
+LAUNCH_FILES: Final[Mapping[str, tuple[LaunchArgument, ...]]] = {
+    'rig.launch.py': (*_COMMON, _WITHOUT),
+    'loop.launch.py': _COMMON,
+    'scan.launch.py': (*_SCAN, _COMPOSED, *_COMMON, _WITHOUT),
+}
+
+
+def node_processes(launch_file: str, values: Mapping[str, str]) -> list[NodeProcess]:
+    """
+    Return the processes that a launch file starts, readers before writers.
+
+    Parameters
+    ----------
+    launch_file : str
+        One of `LAUNCH_FILES`.
+    values : mapping of str to str
+        What its arguments are; every one of them.
+
+    Returns
+    -------
+    list of NodeProcess
+        The recorder first, if there is one.
+
+    Raises
+    ------
+    ParameterError
+        If an argument has a value that its parameter does not take, or `without` names no node;
+        the text names the argument, the value and what is allowed.
+    PlanError
+        If a parameter file cannot be read.
+
+    """
+    composed = launch_file == 'loop.launch.py' or values.get('composed') == 'true'
+    record = values['record'] == 'true'
+    left_out = _left_out(values.get('without', ''), composed=composed)
+    parameters = _parameters(launch_file, values, record=record)
+    stages = [stage for stage in STAGES if stage not in left_out]
+    names = [*(['recorder'] if record else []), *(['loop'] if composed else stages)]
+    return [
+        NodeProcess(name, _ros_arguments(name, values, parameters)) for name in names]
+
+
+def _left_out(text: str, *, composed: bool) -> list[str]:
+    names = [name.strip() for name in text.split(',') if name.strip()]
+    for name in names:
+        if name not in STAGES:
+            raise ParameterError(
+                f'without has {name!r}, allowed are {", ".join(STAGES)}')
+    if names and composed:
+        raise ParameterError(
+            f'without is {text!r}, it must be empty with composed: one process holds all stages')
+    return names
+
+
+def _parameters(
+    launch_file: str, values: Mapping[str, str], *, record: bool,
+) -> dict[str, dict[str, Any]]:
+    """Return the parameters of each node that go before those of its file, checked with them."""
+    common = {
+        name: _value(values[name]) for name in ('sample_period_s', 'autostart')}
+    # With a recorder they stay until it has their parameters: it is what ends the launch.
+    stage = {'required_readers': 2, 'linger_s': _UNTIL_TOLD_S} if record else {}
+    parameters: dict[str, dict[str, Any]] = {
+        name: {**common, **stage} for name in STAGES}
+    parameters['recorder'] = {**common, 'bag_directory': values['bag_directory']}
+    parameters['plant'] |= {name: _value(values[name]) for name in _PLANT_PARAMETERS}
+    if launch_file == 'scan.launch.py':
+        for name, node in _SCAN_PARAMETERS.items():
+            parameters[node][name] = _value(values[name])
+        # What the scheme auto decides by.
+        parameters['controller']['scan_frequency_hz'] = parameters['trajectory']['frequency_hz']
+    for node, own in parameters.items():
+        in_file = {}
+        if node in _FILES:
+            in_file = read_parameter_file(_file(node, values), [node]).get(node, {})
+        check_node_parameters(node, {**in_file, **own})
+    return parameters
+
+
+def _file(node: str, values: Mapping[str, str]) -> Path:
+    return Path(values[_FILES[node]])
+
+
+def _value(text: str) -> Any:
+    """Return a value as `ros2 run … -p name:=text` would take it."""
+    value = yaml.safe_load(text)
+    if isinstance(value, str):
+        try:
+            return float(value)  # 1e-5, which is text for YAML 1.1
+        except ValueError:
+            return value
+    return value
+
+
+def _ros_arguments(
+    executable: str, values: Mapping[str, str], parameters: Mapping[str, Mapping[str, Any]],
+) -> tuple[str, ...]:
+    nodes = STAGES if executable == 'loop' else (executable,)
+    words = ['--log-level', values['log_level']]
+    if values['namespace']:
+        words += ['-r', f'__ns:=/{values["namespace"].strip("/")}']
+    if 'plant' in nodes and parameters['plant'].get('publish_clock'):
+        words += ['-r', f'clock:={values["clock_topic"]}']
+    for node in nodes:
+        if node in _FILES:
+            words += ['--params-file', str(_file(node, values))]
+    # Without the name of a node, which would not be found in a namespace: no two nodes of a process
+    # have parameters of one name that differ here.
+    own = {name: value for node in nodes for name, value in parameters[node].items()}
+    for name, value in own.items():
+        if value != '':
+            words += ['-p', f'{name}:={_typed(value)}']
+    return tuple(words)
+
+
+def _typed(value: Any) -> str:
+    """Return a value as YAML 1.1, which takes 1e-05 for text."""
+    if isinstance(value, float):
+        text = repr(value)
+        return text if '.' in text else text.replace('e', '.0e') if 'e' in text else text
+    return _text(value)

@@ -1,0 +1,135 @@
+"""What the launch files start, without `launch`."""
+
+import itertools
+from pathlib import Path
+
+import pytest
+
+from piezo_ros.experiment.errors import PlanError
+from piezo_ros.experiment.launching import LAUNCH_FILES, STAGES, node_processes
+from piezo_ros.experiment.parameter_file import read_parameter_file
+from piezo_ros.model import ParameterError
+
+CONFIG = Path(__file__).parents[2] / 'config'
+
+
+def arguments(launch_file, **given):
+    """Return all arguments of a launch file as launch would hand them over."""
+    values = {
+        argument.name: str(CONFIG / argument.default) if argument.name.endswith('_file')
+        else argument.default for argument in LAUNCH_FILES[launch_file]}
+    assert given.keys() <= values.keys()
+    return {**values, **given}
+
+
+def processes(launch_file, **given):
+    return {
+        process.executable: process.ros_arguments
+        for process in node_processes(launch_file, arguments(launch_file, **given))}
+
+
+def parameters(words):
+    return {
+        name: value for flag, word in itertools.pairwise(words) if flag == '-p'
+        for name, value in [word.split(':=')]}
+
+
+@pytest.mark.parametrize(('launch_file', 'given', 'expected'), [
+    ('rig.launch.py', {}, [*STAGES]),
+    ('rig.launch.py', {'record': 'true'}, ['recorder', *STAGES]),
+    ('rig.launch.py', {'without': 'plant'}, ['compensator', 'controller', 'trajectory']),
+    ('rig.launch.py', {'without': 'plant, controller'}, ['compensator', 'trajectory']),
+    ('loop.launch.py', {}, ['loop']),
+    ('loop.launch.py', {'record': 'true'}, ['recorder', 'loop']),
+    ('scan.launch.py', {'composed': 'true', 'record': 'true'}, ['recorder', 'loop']),
+    ('scan.launch.py', {}, [*STAGES]),
+])
+def test_what_is_started_is_started_readers_first(launch_file, given, expected):
+    assert [*processes(launch_file, **given)] == expected
+
+
+@pytest.mark.parametrize('launch_file', LAUNCH_FILES)
+def test_every_argument_is_described_and_its_default_is_a_choice(launch_file):
+    for argument in LAUNCH_FILES[launch_file]:
+        assert len(argument.description) > 10
+        assert not argument.choices or argument.default in argument.choices
+
+
+def test_the_defaults_of_a_scan_are_what_the_parameter_files_say():
+    defaults = arguments('scan.launch.py')
+    in_files = {
+        **read_parameter_file(CONFIG / 'trajectory.yaml', ['trajectory'])['trajectory'],
+        **read_parameter_file(CONFIG / 'controller.yaml', ['controller'])['controller']}
+    shared = defaults.keys() & in_files.keys()
+    assert {'scheme', 'amplitude_um', 'frequency_hz', 'harmonics', 'periods'} <= shared
+    assert {name: defaults[name] for name in shared} == {
+        name: str(in_files[name]) for name in shared}
+
+
+def test_a_scan_sets_its_parameters_behind_the_files_and_each_node_gets_its_own():
+    started = processes(
+        'scan.launch.py', scheme='ff', amplitude_um='2.5', sample_period_s='2e-5')
+    controller, trajectory = started['controller'], started['trajectory']
+    assert parameters(controller)['scheme'] == 'ff'
+    assert parameters(trajectory)['amplitude_um'] == '2.5'
+    assert 'amplitude_um' not in parameters(controller)
+    # A number without a point is text in a parameter override.
+    assert {parameters(words)['sample_period_s'] for words in started.values()} == {'2.0e-05'}
+    assert controller.index('--params-file') < controller.index('-p')
+    assert controller[controller.index('--params-file') + 1] == str(CONFIG / 'controller.yaml')
+
+
+def test_with_a_recorder_every_stage_waits_for_it_and_stays_until_it_is_done():
+    alone, recorded = processes('rig.launch.py'), processes(
+        'rig.launch.py', record='true', bag_directory='there')
+    for stage in STAGES:
+        assert 'required_readers' not in parameters(alone[stage])
+        assert parameters(recorded[stage])['required_readers'] == '2'
+        assert float(parameters(recorded[stage])['linger_s']) < 0.0
+    assert parameters(recorded['recorder'])['bag_directory'] == 'there'
+
+
+@pytest.mark.parametrize('namespace', ['a', '/a', '/a/'])
+def test_a_namespace_holds_every_node(namespace):
+    for words in processes('rig.launch.py', namespace=namespace, record='true').values():
+        assert '__ns:=/a' in words
+
+
+@pytest.mark.parametrize('launch_file', ['loop.launch.py', 'scan.launch.py'])
+def test_one_process_takes_every_file_and_no_two_nodes_differ_in_a_name(launch_file):
+    given = {} if launch_file == 'loop.launch.py' else {'composed': 'true'}
+    composed = processes(launch_file, **given)['loop']
+    assert composed.count('--params-file') == len(STAGES)
+    own = parameters(composed)
+    if launch_file == 'scan.launch.py':
+        separate = processes(launch_file)
+        for stage in STAGES:
+            assert parameters(separate[stage]).items() <= own.items()
+
+
+@pytest.mark.parametrize(('given', 'error'), [
+    ({'amplitude_um': '-1'}, 'amplitude_um is -1.0 um, allowed is 0'),
+    ({'amplitude_um': 'much'}, "amplitude_um is 'much', it must be a number"),
+    ({'harmonics': '2.5'}, 'harmonics is 2.5, it must be an integer'),
+    ({'sample_period_s': '0'}, 'sample_period_s is 0.0 s, allowed is'),
+    ({'scheme': 'auto'}, 'feedback_acceptable_frequency_hz is 0 Hz'),
+    ({'without': 'plan'}, "without has 'plan', allowed are compensator, controller, plant"),
+    ({'without': 'plant', 'composed': 'true'}, 'must be empty with composed'),
+])
+def test_a_value_that_a_node_would_refuse_starts_nothing(given, error):
+    with pytest.raises(ParameterError, match=error):
+        processes('scan.launch.py', **given)
+
+
+def test_a_file_that_is_not_there_is_named():
+    with pytest.raises(PlanError, match='nowhere.yaml: No such file'):
+        processes('rig.launch.py', rig_file='nowhere.yaml')
+
+
+def test_what_is_given_is_checked_together_with_what_the_file_says(tmp_path):
+    path = tmp_path / 'controller.yaml'
+    path.write_text(
+        '/**/controller: {ros__parameters: {feedback_acceptable_frequency_hz: 425.0}}')
+    started = processes(
+        'scan.launch.py', controller_file=str(path), scheme='auto', frequency_hz='200')
+    assert float(parameters(started['controller'])['scan_frequency_hz']) == 200.0

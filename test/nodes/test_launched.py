@@ -1,0 +1,63 @@
+"""What the launch files start, started: two rigs at once, one of them in one process."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from piezo_ros.bag import STREAMS, read
+from piezo_ros.experiment.launching import LAUNCH_FILES, node_processes
+from piezo_ros.experiment.offline import simulate_run
+from piezo_ros.experiment.plan import read_plan
+
+CONFIG = Path(__file__).parents[2] / 'config'
+
+
+def launch(rig, **given):
+    """Start what scan.launch.py would."""
+    values = {
+        argument.name: str(CONFIG / argument.default) if argument.name.endswith('_file')
+        else argument.default for argument in LAUNCH_FILES['scan.launch.py']}
+    return {
+        process.executable: rig.start_process(
+            process.executable, '--ros-args', *process.ros_arguments)
+        for process in node_processes('scan.launch.py', {**values, **given})}
+
+
+@pytest.fixture
+def alone(tmp_path):
+    """Return the streams of a run of the same rig that nobody disturbs."""
+    def simulate(**run):
+        plan = tmp_path / 'plan.yaml'
+        plan.write_text(yaml.safe_dump({
+            'format_version': 1, 'score_periods': 1, 'runs': [run],
+            'parameter_files': [str(CONFIG / f'{name}.yaml') for name in (
+                'rig', 'compensator', 'controller', 'trajectory')]}))
+        bag = tmp_path / f'alone_{run["amplitude_um"]:g}'
+        simulate_run(read_plan(plan).runs[0], bag)
+        return read(bag)
+
+    return simulate
+
+
+def test_two_rigs_in_two_namespaces_give_the_numbers_that_they_give_alone(rig, alone):
+    runs = {
+        'one': {'amplitude_um': 1.5, 'periods': 3.0, 'scheme': 'fbff'},
+        'two': {'amplitude_um': 1.0, 'periods': 3.0, 'scheme': 'ff'}}
+    started = {
+        name: launch(
+            rig, namespace=f'{rig.namespace}/{name}', record='true',
+            bag_directory=str(rig.directory / name), composed=composed,
+            **{key: str(value) for key, value in run.items()})
+        for (name, run), composed in zip(runs.items(), ('false', 'true'), strict=True)}
+    assert [*started['two']] == ['recorder', 'loop']
+    for name, run in runs.items():
+        assert started[name]['recorder'].wait() == 0, started[name]['recorder'].output
+        recorded, expected = read(rig.directory / name), alone(**run)
+        for stream in STREAMS:
+            np.testing.assert_array_equal(
+                recorded.whole(stream)[1], expected.whole(stream)[1], err_msg=stream)
+        assert {
+            node.rpartition('/')[0] for node in recorded.parameters
+        } == {f'{rig.namespace}/{name}'}
