@@ -6,11 +6,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from piezo_ros import paper
+from piezo_ros.experiment.automatic import AUTO
 from piezo_ros.experiment.errors import PlanError
 from piezo_ros.experiment.model_file import read_bound, read_node_model
 from piezo_ros.model import DynamicsParameters, LinearDynamics
 
 if TYPE_CHECKING:
+    import control
+
     from piezo_ros.identification.loop_shape import LoopShape
 
 __all__ = ['add_command']
@@ -19,8 +22,11 @@ _EXAMPLES: Final = """\
 examples:
   piezo tune config/trajectory.yaml -o controller.yaml
   piezo tune model.yaml --bound bound.yaml --max-sensitivity 1.5 -o controller.yaml
-  piezo tune slow_stage.yaml --sample-period-s 1e-4 -o controller.yaml
+  piezo tune trajectory.yaml --compensator compensator.yaml --plant rig.yaml -o controller.yaml
+  piezo tune slow_stage.yaml --sample-period-s 1e-4 --no-operating-points -o controller.yaml
 """
+_NO_BOUND: Final = Path('none')
+WAVEFORMS: Final = ('triangle', 'sine')  # what a prediction knows the spectrum of
 _GAINS: Final = (
     ('kP', 'proportional_gain', ''),
     ('kI', 'integral_gain_per_s', '1/s'),
@@ -50,7 +56,7 @@ def add_command(commands: Any) -> None:
     parser.add_argument('--force', action='store_true', help='replace the file')
     parser.add_argument(
         '--bound', type=Path, metavar='FILE',
-        help='what identify uncertainty wrote (default: (19) of the paper)')
+        help="what identify uncertainty wrote, or 'none' (default: (19) of the paper)")
     parser.add_argument(
         '--objective', choices=('itae_step', 'itae_scan'), default='itae_step',
         help='ITAE of a unit step or of a 300 Hz triangle (default: itae_step)')
@@ -63,26 +69,46 @@ def add_command(commands: Any) -> None:
         '--measurement-delay-samples', type=int, default=1, metavar='D', help='(default: 1)')
     parser.add_argument(
         '--sample-period-s', type=float, default=1e-5, metavar='TS', help='(default: 1e-5)')
+    _add_operating_points(parser)
     parser.set_defaults(function=_tune)
 
 
-def _tune(options: argparse.Namespace) -> int:
-    import control
+def _add_operating_points(parser: argparse.ArgumentParser) -> None:
+    group = parser.add_argument_group(
+        'operating points', 'which scheme to use at each amplitude and frequency, predicted from '
+        'model, W(s), hysteresis, rails and slew limit; also written for scheme auto')
+    group.add_argument(
+        '--compensator', type=Path, metavar='FILE',
+        help='what identify hysteresis wrote (default: Table 1 of the paper)')
+    group.add_argument(
+        '--plant', type=Path, metavar='FILE',
+        help='data sheet of the rig: rails, slew limit, travel (default: that of the paper)')
+    group.add_argument(
+        '--waveform', choices=WAVEFORMS, default='triangle', help='(default: triangle)')
+    group.add_argument(
+        '--amplitudes-um', type=float, nargs='+', metavar='A',
+        help='peak amplitudes (default: 1/12 … 5/12 of the reach)')
+    group.add_argument(
+        '--frequencies-hz', type=float, nargs='+', metavar='F',
+        help='frequencies (default: about the feedback-acceptable one)')
+    group.add_argument(
+        '--harmonics', default=AUTO, metavar='M',
+        help="of the feedforward, a number or 'auto' (default: auto)")
+    group.add_argument(
+        '--no-operating-points', action='store_true', help='tune the gains, nothing else')
 
+
+def _tune(options: argparse.Namespace) -> int:
+    from piezo_ros.cli.operating_points import operating_points_text, predicted_points
     from piezo_ros.identification.loop_shape import loop_shape
+    from piezo_ros.identification.operating_points import feedback_table
     from piezo_ros.identification.tuning import tune_pi
     if options.output.exists() and not options.force:
         print(f'piezo: {options.output} exists; --force replaces it', file=sys.stderr)
         return 2
     try:
         model = LinearDynamics(read_node_model(options.model, 'trajectory', DynamicsParameters))
-        if options.bound:
-            bound = read_bound(options.bound)
-        else:
-            w = paper.UNCERTAINTY_BOUND
-            bound = control.zpk(
-                [-w['zero_rad_per_s']] * 2, [-w['pole_1_rad_per_s'], -w['pole_2_rad_per_s']],
-                w['gain'])
+        bound = _bound(options.bound)
         tuning = tune_pi(
             model, bound=bound, objective=options.objective,
             max_sensitivity=options.max_sensitivity,
@@ -93,8 +119,11 @@ def _tune(options: argparse.Namespace) -> int:
             model, paper.TABLE_2['proportional_gain'], paper.TABLE_2['integral_gain_per_s'],
             sample_period_s=options.sample_period_s,
             measurement_delay_samples=options.measurement_delay_samples, bound=bound)
+        points = () if options.no_operating_points else predicted_points(options, tuning, bound)
         options.output.write_text(
-            tuning.to_parameter_yaml(source=str(options.model)), encoding='utf-8')
+            tuning.to_parameter_yaml(
+                source=str(options.model), table=feedback_table(points) if points else None),
+            encoding='utf-8')
     except (PlanError, ValueError, OSError) as error:
         print(f'piezo: {error}', file=sys.stderr)
         return 1
@@ -104,8 +133,22 @@ def _tune(options: argparse.Namespace) -> int:
         f'{options.bound or "(19) of the paper"}')
     print(_table({'start': tuning.before, 'tuned': tuning.after, 'Table 2': published}))
     print(f'active limits: {", ".join(tuning.active_limits) or "none"}')
+    if points:
+        print()
+        print(operating_points_text(points, options))
     print(f'gains: {options.output}')
     return 0
+
+
+def _bound(path: Path | None) -> 'control.TransferFunction | None':
+    import control
+    if path == _NO_BOUND:
+        return None
+    if path:
+        return read_bound(path)
+    w = paper.UNCERTAINTY_BOUND
+    return control.zpk(
+        [-w['zero_rad_per_s']] * 2, [-w['pole_1_rad_per_s'], -w['pole_2_rad_per_s']], w['gain'])
 
 
 def _table(shapes: 'dict[str, LoopShape]') -> str:

@@ -7,11 +7,13 @@ K(s) = kP + kI/s, (8) in Liu 2015, with the backward rectangle rule for the inte
 with a measurement that is ``measurement_delay_samples`` old. The scheme auto stands for fbff or ff.
 """
 
+import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from piezo_ros import paper
+from piezo_ros.control.feedback_condition import feedback_acceptable_below_hz
 from piezo_ros.model.parameters import ParameterError, ParameterSet, parameter
 from piezo_ros.model.step import Vector, step
 
@@ -40,7 +42,8 @@ class ControllerParameters(ParameterSet):
     """Gains and scheme, Table 2 in Liu 2015 by default."""
 
     scheme: str = parameter(
-        'fbff', '', 'control scheme; auto: fbff below the feedback-acceptable frequency, ff above',
+        'fbff', '', 'control scheme; auto: fbff where feedback is acceptable at amplitude and '
+        'frequency of the scan, else ff',
         choices=(*SCHEMES, AUTO))
     proportional_gain: float = parameter(
         paper.TABLE_2['proportional_gain'], 'um/um', 'kP', minimum=0.0, maximum=1e6)
@@ -58,12 +61,19 @@ class ControllerParameters(ParameterSet):
         choices=ANTI_WINDUP)
     bumpless_start: bool = parameter(
         True, '', 'preset the integral so that the first command continues the one before')
-    feedback_acceptable_frequency_hz: float = parameter(
-        0.0, 'Hz', 'frequency below which feedback lessens the error of feedforward, (18); for the '
-        'scheme auto, 0: unknown', minimum=0.0, maximum=1e9)
+    feedback_acceptable_frequency_hz: tuple[float, ...] = parameter(
+        (0.0,), 'Hz', 'for the scheme auto: frequencies below which feedback lessens the error of '
+        'feedforward, one for each of feedback_acceptable_amplitude_um; 0: nowhere, or unknown',
+        minimum=0.0, maximum=1e9)
+    feedback_acceptable_amplitude_um: tuple[float, ...] = parameter(
+        (0.0,), 'um', 'amplitudes at which these hold, ascending; between them straight lines, '
+        'beyond them the nearest; one alone holds for all', minimum=0.0, maximum=1e4)
     scan_frequency_hz: float = parameter(
         0.0, 'Hz', 'frequency of the scan, for the scheme auto; 0: unknown',
         minimum=0.0, maximum=1e9)
+    scan_amplitude_um: float = parameter(
+        0.0, 'um', 'peak amplitude of the scan, for the scheme auto; 0: unknown',
+        minimum=0.0, maximum=1e4)
 
     def check_together(self) -> None:
         """Refuse limits that leave no room, and auto where nothing is known to decide by."""
@@ -71,21 +81,48 @@ class ControllerParameters(ParameterSet):
             raise ParameterError(
                 f'command_minimum_um is {self.command_minimum_um} um, it must be below '
                 f'command_maximum_um {self.command_maximum_um} um')
+        amplitudes_um = self.feedback_acceptable_amplitude_um
+        frequencies_hz = self.feedback_acceptable_frequency_hz
+        if not amplitudes_um or len(amplitudes_um) != len(frequencies_hz):
+            raise ParameterError(
+                f'feedback_acceptable_amplitude_um has {len(amplitudes_um)} values and '
+                f'feedback_acceptable_frequency_hz {len(frequencies_hz)}; there must be as many, '
+                'one at least')
+        if any(low >= high for low, high in itertools.pairwise(amplitudes_um)):
+            raise ParameterError(
+                f'feedback_acceptable_amplitude_um is {list(amplitudes_um)} um, the values must '
+                'ascend')
         if self.scheme == AUTO:
-            for name in ('feedback_acceptable_frequency_hz', 'scan_frequency_hz'):
-                if getattr(self, name) == 0.0:
-                    raise ParameterError(
-                        f'scheme is auto, and {name} is 0 Hz, which is unknown; with auto it must '
-                        'be above 0 Hz')
+            self._check_known()
+
+    def _check_known(self) -> None:
+        if not any(self.feedback_acceptable_frequency_hz):
+            raise ParameterError(
+                'scheme is auto, and feedback_acceptable_frequency_hz is 0 Hz at every amplitude: '
+                'where feedback is acceptable is not known (piezo tune predicts it), or it is '
+                'nowhere, and the scheme is ff')
+        needed = ['scan_frequency_hz']
+        if len(self.feedback_acceptable_amplitude_um) > 1:
+            needed.append('scan_amplitude_um')
+        for name in needed:
+            if getattr(self, name) == 0.0:
+                raise ParameterError(
+                    f'scheme is auto, and {name} is 0, which is unknown; with auto it must be '
+                    'above 0')
+
+    @property
+    def feedback_acceptable_below_hz(self) -> float:
+        """Frequency below which feedback is acceptable at the amplitude of the scan."""
+        return feedback_acceptable_below_hz(
+            self.feedback_acceptable_amplitude_um, self.feedback_acceptable_frequency_hz,
+            self.scan_amplitude_um)
 
     @property
     def concrete_scheme(self) -> str:
-        """The scheme, one of `SCHEMES`: what auto stands for at the frequency of the scan."""
+        """The scheme, one of `SCHEMES`: what auto stands for at the operating point."""
         if self.scheme != AUTO:
             return self.scheme
-        # |S| < 1 below, (18) in Liu 2015: there feedback lessens what the feedforward leaves.
-        helps = self.scan_frequency_hz < self.feedback_acceptable_frequency_hz
-        return 'fbff' if helps else 'ff'
+        return 'fbff' if self.scan_frequency_hz < self.feedback_acceptable_below_hz else 'ff'
 
     @property
     def uses_feedback(self) -> bool:

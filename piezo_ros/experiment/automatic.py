@@ -207,33 +207,24 @@ def predict(
 
 
 def _predict_scheme(run: _Run, *, harmonics_open: bool) -> Prediction:
-    from piezo_ros.identification.scheme_choice import recommend_scheme
-    choices: dict[str, HarmonicsChoice] = {}
-    scan = run.trajectory
-    if harmonics_open:
-        choices['ff'] = run.choose_harmonics('ff')
-        scan = scan.replaced(harmonics=choices['ff'].harmonics)
-    recommended = recommend_scheme(
-        run.known, scan, run.controller, compensator=run.compensator, uncertainty=run.bound,
-        score_periods=run.score_periods)
-    by_scheme = recommended.predicted_nrmse_percent
-    if harmonics_open and 'fbff' in by_scheme:
-        choices['fbff'] = run.choose_harmonics('fbff')
-    by_scheme.update({
-        scheme: choice.chosen.nrmse_percent for scheme, choice in choices.items()})
-    scheme = min(by_scheme, key=lambda name: by_scheme[name])
+    from piezo_ros.identification.operating_points import predict_operating_point
+    point = predict_operating_point(
+        run.known, run.trajectory, run.controller, harmonics_open=harmonics_open,
+        compensator=run.compensator, uncertainty=run.bound, score_periods=run.score_periods)
+    by_scheme = dict(point.predicted_nrmse_percent)
+    scheme = point.scheme
     listed = ', '.join(f'{name} {percent:.3g} %' for name, percent in by_scheme.items())
-    acceptable_hz = recommended.feedback_acceptable_frequency_hz
+    acceptable_hz = point.loop.feedback_acceptable_frequency_hz
     reason = f'{scheme} is predicted to err least: {listed}; ' + (
-        f'|S| = 1 at {acceptable_hz:.4g} Hz' if recommended.loop.stable
+        f'|S| = 1 at {acceptable_hz:.4g} Hz' if point.loop.stable
         else 'the loop is not stable')
-    if scheme in choices:
-        choice = choices[scheme]
+    if scheme in point.choices:
+        choice = point.choices[scheme]
         return Prediction(
             scheme, choice.harmonics, by_scheme, choice.predicted_nrmse_percent,
             f'{reason}. {_why_harmonics(choice)}')
     # Without feedforward there is nothing that harmonics could do.
-    harmonics = 0 if harmonics_open else scan.harmonics
+    harmonics = point.harmonics[scheme] if harmonics_open else run.trajectory.harmonics
     return Prediction(scheme, harmonics, by_scheme, {harmonics: by_scheme[scheme]}, reason)
 
 

@@ -25,6 +25,7 @@ from piezo_ros.identification import (
     FrequencyResponse,
     HysteresisFit,
     UncertaintyBound,
+    crossing_frequency_hz,
     fit_dynamics,
     fit_hysteresis,
     merge,
@@ -88,15 +89,10 @@ class Crossing:
 
     @property
     def crossing_hz(self) -> float:
-        """First frequency from which on feedback does harm, interpolated."""
-        ratio = np.log(self.fbff_percent / self.ff_percent)
-        above = np.flatnonzero((ratio[:-1] <= 0.0) & (ratio[1:] > 0.0))
-        if not above.size:
-            return math.nan
-        k = int(above[-1])
-        share = -ratio[k] / (ratio[k + 1] - ratio[k])
-        return float(self.frequency_hz[k] + share * (
-            self.frequency_hz[k + 1] - self.frequency_hz[k]))
+        """Frequency from which on feedback does harm, interpolated."""
+        crossing_hz = crossing_frequency_hz(
+            self.frequency_hz, self.ff_percent, self.fbff_percent)
+        return crossing_hz if 0.0 < crossing_hz < math.inf else math.nan
 
 
 @dataclass(frozen=True)

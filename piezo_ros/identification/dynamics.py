@@ -24,6 +24,7 @@ from piezo_ros.identification.rational import (
     start_from_response,
     with_best_numerator,
 )
+from piezo_ros.identification.yaml_text import yaml_number
 from piezo_ros.model.dynamics import DynamicsParameters
 from piezo_ros.model.parameters import constraint_of
 
@@ -185,7 +186,8 @@ class DynamicsFit:
         for name, value in self.parameters.to_mapping().items():
             unit = constraint_of(fields[name]).unit
             error = f'{self.standard_errors[name]:.3g} {unit}'.rstrip()
-            text.append(f'    {name}: {_yaml_number(value)}  # standard error {error}')
+            text.append(f'    {name}: {yaml_number(value)}  # standard error {error}')
+        text.append('    model_response: sampled  # what was fitted has the hold in it')
         return '\n'.join(text) + '\n'
 
     def _scaled(self, frequency_hz: ArrayLike) -> NDArray[np.float64]:
@@ -530,9 +532,3 @@ def _named_liu(
         for column, slope in slopes.items():
             transform[row, column] = slope
     return {name: value for name, (value, _) in rows.items()}, transform
-
-
-def _yaml_number(value: float) -> str:
-    """Return a float that YAML 1.1 reads as one: it wants a point before the exponent."""
-    mantissa, mark, exponent = repr(float(value)).partition('e')
-    return (mantissa if '.' in mantissa else mantissa + '.0') + mark + exponent

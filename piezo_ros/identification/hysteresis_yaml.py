@@ -6,6 +6,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from piezo_ros.identification.yaml_text import yaml_list
 from piezo_ros.model.hysteresis import HysteresisParameters
 
 __all__ = ['parameter_yaml']
@@ -55,20 +56,10 @@ def parameter_yaml(
         *comments,
         '/**/compensator:',
         '  ros__parameters:',
-        f'    kappa_um_per_v: {_list_text(parameters.kappa_um_per_v)}',
-        f'    saturation_v: {_list_text(parameters.saturation_v)}',
+        f'    kappa_um_per_v: {yaml_list(parameters.kappa_um_per_v)}',
+        f'    saturation_v: {yaml_list(parameters.saturation_v)}',
         ''])
 
 
 def _error_text(error: float) -> str:
     return f'{error:<10.2g}' if np.isfinite(error) else f'{"not needed":<10}'
-
-
-def _list_text(values: Sequence[float]) -> str:
-    return f'[{", ".join(map(_float_text, values))}]'
-
-
-def _float_text(value: float) -> str:
-    """Return all digits; without a point YAML would read text or an integer."""
-    mantissa, exponent, power = repr(float(value)).partition('e')
-    return f'{mantissa}{"" if "." in mantissa else ".0"}{exponent}{power}'

@@ -8,6 +8,7 @@ fraction.
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
@@ -210,22 +211,9 @@ class LinearPlant:
             If the period is not positive and finite, or G(s) does not fall off.
 
         """
-        system = self.state_space
-        discrete = discretise_zero_order_hold(system, sample_period_s)
-        whole = math.floor(self.delay_s / sample_period_s + _FRACTION_FLOOR)
-        late_s = self.delay_s - whole * sample_period_s
-        if late_s <= _FRACTION_FLOOR * sample_period_s:
-            return SampledPlant(discrete, whole, sample_period_s)
-        # The input before the last acts for the late part of the period, the last one for the rest.
-        order = system.a.shape[0]
-        early = discretise_zero_order_hold(system, sample_period_s - late_s)
-        late = discretise_zero_order_hold(system, late_s)
-        a = np.zeros((order + 1, order + 1))
-        a[:order, :order] = discrete.a
-        a[:order, order:] = early.a @ late.b
-        b = np.vstack([early.b, [[1.0]]])
-        c = np.hstack([discrete.c, [[0.0]]])
-        return SampledPlant(StateSpace(a, b, c, discrete.d), whole, sample_period_s)
+        return _sampled(
+            tuple(self.numerator.tolist()), tuple(self.denominator.tolist()), self.delay_s,
+            sample_period_s)
 
 
 @dataclass(frozen=True)
@@ -266,6 +254,30 @@ class SampledPlant:
             np.broadcast_to(self.system.b, (z.size, order, 1)))
         value = (self.system.c @ states)[:, 0, 0] * z ** -float(self.delay_samples)
         return np.asarray(value.reshape(frequency.shape))
+
+
+@lru_cache(maxsize=64)
+def _sampled(
+    numerator: tuple[float, ...], denominator: tuple[float, ...], delay_s: float,
+    sample_period_s: float,
+) -> SampledPlant:
+    """Return a plant sampled behind a hold; predictions ask for the same one again and again."""
+    system = LinearPlant(np.array(numerator), np.array(denominator)).state_space
+    discrete = discretise_zero_order_hold(system, sample_period_s)
+    whole = math.floor(delay_s / sample_period_s + _FRACTION_FLOOR)
+    late_s = delay_s - whole * sample_period_s
+    if late_s <= _FRACTION_FLOOR * sample_period_s:
+        return SampledPlant(discrete, whole, sample_period_s)
+    # The input before the last acts for the late part of the period, the last one for the rest.
+    order = system.a.shape[0]
+    early = discretise_zero_order_hold(system, sample_period_s - late_s)
+    late = discretise_zero_order_hold(system, late_s)
+    a = np.zeros((order + 1, order + 1))
+    a[:order, :order] = discrete.a
+    a[:order, order:] = early.a @ late.b
+    b = np.vstack([early.b, [[1.0]]])
+    c = np.hstack([discrete.c, [[0.0]]])
+    return SampledPlant(StateSpace(a, b, c, discrete.d), whole, sample_period_s)
 
 
 def _mean_rate(poles_rad_per_s: NDArray[np.complex128]) -> float:

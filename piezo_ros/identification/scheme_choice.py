@@ -28,6 +28,7 @@ __all__ = [
     'CANDIDATES',
     'SchemeChoice',
     'SchemePrediction',
+    'crossing_frequency_hz',
     'equal_error_frequency_hz',
     'recommend_scheme',
 ]
@@ -178,23 +179,50 @@ def equal_error_frequency_hz(
     Returns
     -------
     float
-        Interpolated between two of them; the first where feedback does not help even there,
-        infinite where it helps at all of them, 0 where the loop is not stable. Table 3 in Liu 2015
-        has it for sines of five amplitudes.
+        See `crossing_frequency_hz`; 0 where the loop is not stable. Table 3 in Liu 2015 has it for
+        sines of five amplitudes.
 
     """
-    below: tuple[float, float] | None = None
-    for frequency in map(float, np.asarray(frequency_hz, dtype=np.float64)):
-        predicted = recommend_scheme(
+    frequencies = np.asarray(frequency_hz, dtype=np.float64)
+    predicted = [
+        recommend_scheme(
             model, trajectory.replaced(frequency_hz=frequency), controller,
             compensator=compensator, uncertainty=uncertainty).predicted_nrmse_percent
-        if 'fbff' not in predicted:
-            return 0.0
-        excess = math.log(predicted['fbff'] / predicted['ff'])
-        if excess >= 0.0:
-            if below is None:
-                return frequency
-            share = below[1] / (below[1] - excess)
-            return below[0] + share * (frequency - below[0])
-        below = frequency, excess
-    return math.inf
+        for frequency in frequencies.tolist()]
+    if not all('fbff' in errors for errors in predicted):
+        return 0.0
+    return crossing_frequency_hz(
+        frequencies, [errors['ff'] for errors in predicted],
+        [errors['fbff'] for errors in predicted])
+
+
+def crossing_frequency_hz(
+    frequency_hz: ArrayLike, ff_error: ArrayLike, fbff_error: ArrayLike,
+) -> float:
+    """
+    Return the frequency from which on feedback does harm.
+
+    Parameters
+    ----------
+    frequency_hz : array_like, shape (N,)
+        Ascending frequencies, hertz.
+    ff_error, fbff_error : array_like, shape (N,)
+        Errors under both schemes there, above 0.
+
+    Returns
+    -------
+    float
+        Interpolated where the ratio of the errors last rises through 1; infinite where feedback
+        helps at the highest frequency, 0 where it helps at none.
+
+    """
+    frequency = np.asarray(frequency_hz, dtype=np.float64)
+    excess = np.log(np.asarray(fbff_error) / np.asarray(ff_error))
+    helpful = np.flatnonzero(excess < 0.0)
+    if not helpful.size:
+        return 0.0
+    last = int(helpful[-1])
+    if last + 1 == frequency.size:
+        return math.inf
+    share = -excess[last] / (excess[last + 1] - excess[last])
+    return float(frequency[last] + share * (frequency[last + 1] - frequency[last]))

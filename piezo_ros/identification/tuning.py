@@ -23,6 +23,8 @@ from scipy.signal import oaconvolve
 from piezo_ros.control.trajectory import TrajectoryParameters, trajectory_blocks
 from piezo_ros.identification.linear_plant import Bound, Model, bound_magnitude
 from piezo_ros.identification.loop_shape import LoopShape, PiLoop, loop_shape
+from piezo_ros.identification.operating_points import FeedbackTable
+from piezo_ros.identification.yaml_text import yaml_list, yaml_number
 from piezo_ros.model.state_space import StateSpace
 
 __all__ = ['OBJECTIVES', 'PiTuning', 'itae', 'tune_pi']
@@ -88,7 +90,7 @@ class PiTuning:
         """Tuned kI, 1/s."""
         return self.after.loop.integral_gain_per_s
 
-    def to_parameter_yaml(self, *, source: str) -> str:
+    def to_parameter_yaml(self, *, source: str, table: FeedbackTable | None = None) -> str:
         """
         Return a ROS parameter file for the controller node, margins as comments.
 
@@ -96,6 +98,9 @@ class PiTuning:
         ----------
         source : str
             Where the model comes from, for instance the name of its file.
+        table : FeedbackTable, optional
+            Where feedback is acceptable, for the scheme auto; by default below |S| = 1, (18) in
+            Liu 2015, at every amplitude.
 
         """
         shape = self.after
@@ -118,14 +123,18 @@ class PiTuning:
              f'{shape.feedback_acceptable_frequency_hz:.5g} Hz'),
             '/**/controller:',
             '  ros__parameters:',
-            f'    proportional_gain: {_yaml_number(loop.proportional_gain)}',
-            f'    integral_gain_per_s: {_yaml_number(loop.integral_gain_per_s)}',
+            f'    proportional_gain: {yaml_number(loop.proportional_gain)}',
+            f'    integral_gain_per_s: {yaml_number(loop.integral_gain_per_s)}',
         ]
-        if math.isfinite(shape.feedback_acceptable_frequency_hz):
-            # For scheme auto.
-            lines.append(
-                '    feedback_acceptable_frequency_hz: '
-                f'{_yaml_number(shape.feedback_acceptable_frequency_hz)}')
+        acceptable_hz = shape.feedback_acceptable_frequency_hz
+        if table is None and math.isfinite(acceptable_hz):
+            table = FeedbackTable((0.0,), (acceptable_hz,))
+        if table is not None:
+            lines += [
+                '    # For scheme auto: feedback is acceptable below these frequencies.',
+                f'    feedback_acceptable_frequency_hz: {yaml_list(table.frequency_hz)}',
+                f'    feedback_acceptable_amplitude_um: {yaml_list(table.amplitude_um)}',
+            ]
         if loop.sample_period_s is not None:
             lines.append(f'    measurement_delay_samples: {loop.measurement_delay_samples}')
         return '\n'.join(lines) + '\n'
@@ -444,9 +453,3 @@ class _Search:
             method='bounded', options={'xatol': _LOG_TOLERANCE})
         log_share = float(refined.x) if refined.fun < values[best] else float(shares[best])
         return largest * math.exp(log_share), min(float(refined.fun), values[best])
-
-
-def _yaml_number(value: float) -> str:
-    """Return a float that YAML 1.1 reads as one: it wants a point before the exponent."""
-    mantissa, mark, exponent = repr(float(value)).partition('e')
-    return (mantissa if '.' in mantissa else mantissa + '.0') + mark + exponent

@@ -53,7 +53,7 @@ class Controller(Stage):
         self.set_parameters([Parameter('scheme', value=self._chosen_scheme)])
         self.get_logger().info(
             f'scheme auto is {self._chosen_scheme}: the scan has {law.scan_frequency_hz:g} Hz, '
-            f'feedback is acceptable below {law.feedback_acceptable_frequency_hz:g} Hz')
+            f'feedback is acceptable below {law.feedback_acceptable_below_hz:g} Hz')
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Forget what auto stood for, unless somebody has set another scheme."""

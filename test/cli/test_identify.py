@@ -22,6 +22,7 @@ def five_commands():
     """Return the commands of the README, offline and with their wildcards."""
     text = (ROOT / 'README.md').read_text(encoding='utf-8')
     section = text.partition('## Your own stage in five commands')[2].partition('\n## ')[0]
+    section = section.replace('\\\n', ' ')
     commands = [shlex.split(line) for line in re.findall(r'^    piezo (.*)$', section, re.M)]
     return [['simulate', *words[1:]] if words[0] == 'run' else words for words in commands]
 
@@ -101,6 +102,8 @@ def test_the_models_of_the_other_stage_are_its_own(stage):
     assert found['damping_ratio_1'] == pytest.approx(truth.damping_ratio_2, rel=0.05)
     gains = parameters(stage / 'controller.yaml', 'controller')
     assert gains['integral_gain_per_s'] < 500.0
+    # Amplitudes of its own travel, not of the paper's.
+    assert gains['feedback_acceptable_amplitude_um'][-1] > 15.0
 
 
 def test_the_example_needs_no_file_but_its_own(stage):

@@ -1,3 +1,5 @@
+from pathlib import Path
+
 import pytest
 import yaml
 
@@ -5,6 +7,8 @@ from piezo_ros.cli.main import main
 from piezo_ros.control import ControllerParameters
 from piezo_ros.experiment.parameter_file import read_parameter_file
 from piezo_ros.model import DynamicsParameters
+
+ROOT = Path(__file__).resolve().parents[2]
 
 
 def dynamics(directory, **changes):
@@ -26,8 +30,8 @@ def output(tmp_path):
 
 @pytest.fixture
 def tune(output, capsys):
-    def run(*arguments):
-        code = main(['tune', *map(str, arguments), '-o', str(output)])
+    def run(*arguments, points=('--no-operating-points',)):
+        code = main(['tune', *map(str, (*arguments, *points)), '-o', str(output)])
         out, err = capsys.readouterr()
         assert 'Traceback' not in err
         return code, out, err
@@ -150,3 +154,60 @@ def test_a_model_that_is_none_fails_in_words(tmp_path, tune, text, complaint):
     assert code == 1
     assert err.startswith(f'piezo: {path}')
     assert complaint in err
+
+
+POINTS = (
+    '--amplitudes-um', 1.0, 2.5, '--frequencies-hz', 300, 500, 800, '--harmonics', 9,
+    '--plant', ROOT / 'config' / 'rig.yaml')
+
+
+def test_each_operating_point_is_given_a_scheme_and_auto_takes_the_same(model, tune, output):
+    code, out, _ = tune(model, points=POINTS)
+    assert code == 0
+    assert 'triangle, hysteresis: Table 1 of the paper, amplifier: ' in out
+    lines = out.partition('(! amplifier at its limits)\n')[2].splitlines()
+    assert lines[0].split() == ['300', 'Hz', '500', 'Hz', '800', 'Hz', 'fbff', 'below']
+    values = read_parameter_file(output, ['controller'])['controller']
+    assert values['feedback_acceptable_amplitude_um'] == [1.0, 2.5]
+    schemes = set()
+    for line, acceptable_hz in zip(
+            lines[1:3], values['feedback_acceptable_frequency_hz'], strict=True):
+        words = line.split()
+        assert float(words[-2]) == pytest.approx(acceptable_hz, rel=1e-3)
+        for frequency_hz, scheme, m in zip(
+                (300.0, 500.0, 800.0), words[2:11:3], words[3:11:3], strict=True):
+            auto = ControllerParameters.from_mapping({
+                **values, 'scheme': 'auto', 'scan_amplitude_um': float(words[0]),
+                'scan_frequency_hz': frequency_hz})
+            assert (auto.concrete_scheme, m) == (scheme, '9')
+            schemes.add(scheme)
+    assert schemes == {'ff', 'fbff'}
+    # At 2.5 um and 800 Hz the amplifier does not follow nine harmonics.
+    assert lines[2].split()[10].endswith('!')
+
+
+def test_without_operating_points_auto_has_the_frequency_of_the_loop(model, tune, output):
+    _, out, _ = tune(model)
+    values = read_parameter_file(output, ['controller'])['controller']
+    assert values['feedback_acceptable_amplitude_um'] == [0.0]
+    assert values['feedback_acceptable_frequency_hz'] == [pytest.approx(
+        float(table(out)['feedback acceptable below'][1]), rel=1e-4)]
+    assert 'scheme to use' not in out
+
+
+def test_an_uncertainty_that_is_not_known_may_be_left_out(model, tune):
+    code, out, _ = tune(model, '--bound', 'none')
+    assert code == 0
+    assert 'W(s): none' in out
+    assert table(out)['max |W T|'] == ['–'] * 3
+
+
+@pytest.mark.parametrize(('options', 'complaint'), [
+    (('--amplitudes-um', 7), r'--amplitudes-um has 7, allowed is above 0 … 6 um'),
+    (('--harmonics', 'many'), "--harmonics is 'many', allowed is a number or 'auto'"),
+    (('--plant', 'no.yaml'), 'no.yaml')])
+def test_operating_points_that_cannot_be_are_refused(model, tune, output, options, complaint):
+    code, _, err = tune(model, points=options)
+    assert code == 1
+    assert complaint in err
+    assert not output.exists()

@@ -214,12 +214,24 @@ def test_a_reset_state_forgets_everything():
     assert initial_state(parameters).memory[:2] == [0.0, 0.0]
 
 
-@pytest.mark.parametrize(('scan_hz', 'acceptable_hz', 'scheme'), [
-    (300.0, 450.0, 'fbff'), (450.0, 450.0, 'ff'), (800.0, 450.0, 'ff')])
-def test_auto_is_fbff_below_the_feedback_acceptable_frequency_and_ff_above(
-        scan_hz, acceptable_hz, scheme):
-    auto = parameters_of(
-        'auto', scan_frequency_hz=scan_hz, feedback_acceptable_frequency_hz=acceptable_hz)
+TABLE = {
+    'feedback_acceptable_amplitude_um': [0.5, 1.5, 2.5],
+    'feedback_acceptable_frequency_hz': [450.0, 650.0, 550.0]}
+
+
+@pytest.mark.parametrize(('scan_hz', 'scan_um', 'table', 'scheme'), [
+    (300.0, 0.0, {'feedback_acceptable_frequency_hz': [450.0]}, 'fbff'),
+    (450.0, 0.0, {'feedback_acceptable_frequency_hz': [450.0]}, 'ff'),
+    (800.0, 0.0, {'feedback_acceptable_frequency_hz': [450.0]}, 'ff'),
+    (500.0, 0.5, TABLE, 'ff'),
+    (500.0, 1.0, TABLE, 'fbff'),
+    (560.0, 1.0, TABLE, 'ff'),
+    (560.0, 2.5, TABLE, 'ff'),
+    (560.0, 2.0, TABLE, 'fbff'),
+])
+def test_auto_is_fbff_where_feedback_is_acceptable_and_ff_elsewhere(
+        scan_hz, scan_um, table, scheme):
+    auto = parameters_of('auto', scan_frequency_hz=scan_hz, scan_amplitude_um=scan_um, **table)
     concrete = parameters_of(scheme)
     assert auto.concrete_scheme == scheme
     assert (auto.uses_feedback, auto.uses_feedforward) == (scheme == 'fbff', True)
@@ -229,19 +241,28 @@ def test_auto_is_fbff_below_the_feedback_acceptable_frequency_and_ff_above(
 
 
 @pytest.mark.parametrize('scheme', SCHEMES)
-def test_the_frequencies_have_no_part_in_a_scheme_that_is_given(scheme):
-    given_too = parameters_of(
-        scheme, scan_frequency_hz=100.0, feedback_acceptable_frequency_hz=200.0)
+def test_the_table_has_no_part_in_a_scheme_that_is_given(scheme):
+    given_too = parameters_of(scheme, scan_frequency_hz=100.0, scan_amplitude_um=1.0, **TABLE)
     assert given_too.concrete_scheme == parameters_of(scheme).concrete_scheme == scheme
 
 
-@pytest.mark.parametrize(('values', 'unknown'), [
-    ({}, 'feedback_acceptable_frequency_hz'),
-    ({'scan_frequency_hz': 300.0}, 'feedback_acceptable_frequency_hz'),
-    ({'feedback_acceptable_frequency_hz': 450.0}, 'scan_frequency_hz'),
+@pytest.mark.parametrize(('values', 'words'), [
+    ({}, 'feedback_acceptable_frequency_hz is 0 Hz at every amplitude'),
+    ({'scan_frequency_hz': 300.0}, 'feedback_acceptable_frequency_hz is 0 Hz at every amplitude'),
+    ({'feedback_acceptable_frequency_hz': [450.0]}, 'scan_frequency_hz is 0, which is unknown'),
+    ({'scan_frequency_hz': 300.0, **TABLE}, 'scan_amplitude_um is 0, which is unknown'),
 ])
-def test_auto_without_both_frequencies_is_refused(values, unknown):
-    with pytest.raises(ParameterError) as refusal:
+def test_auto_without_what_it_decides_by_is_refused(values, words):
+    with pytest.raises(ParameterError, match=f'scheme is auto, and {words}'):
         ControllerParameters(scheme='auto', **values)
-    assert str(refusal.value) == (
-        f'scheme is auto, and {unknown} is 0 Hz, which is unknown; with auto it must be above 0 Hz')
+
+
+@pytest.mark.parametrize(('values', 'words'), [
+    ({'feedback_acceptable_amplitude_um': [1.0, 2.0]}, '_um has 2 values and .*_hz 1'),
+    ({**TABLE, 'feedback_acceptable_amplitude_um': [0.5, 0.5, 1.0]}, 'the values must ascend'),
+    ({'feedback_acceptable_amplitude_um': [], 'feedback_acceptable_frequency_hz': []},
+     'one at least'),
+])
+def test_a_table_that_is_none_is_refused_whatever_the_scheme(values, words):
+    with pytest.raises(ParameterError, match=words):
+        ControllerParameters(**values)

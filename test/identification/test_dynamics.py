@@ -279,7 +279,7 @@ def test_the_trajectory_node_loads_the_parameter_file_unchanged():
     loaded = yaml.safe_load(text)
     assert list(loaded) == ['/**/trajectory']
     parameters = loaded['/**/trajectory']['ros__parameters']
-    assert parameters == fit.parameters.to_mapping()
+    assert parameters == {**fit.parameters.to_mapping(), 'model_response': 'sampled'}
     assert TrajectoryParameters.from_mapping(parameters).dc_gain == fit.parameters.dc_gain
     assert '# source: bags/dynamics_1' in text
     assert '# source: bags/dynamics_2' in text

@@ -28,7 +28,9 @@ def set_parameter(peer, name, **value):
 def test_auto_becomes_a_concrete_scheme_when_the_controller_is_configured(rig, peer, block):
     process = rig.node(
         'controller', autostart='false', linger_s=-1.0, handshake_timeout_s=60.0, scheme='auto',
-        scan_frequency_hz=300.0, feedback_acceptable_frequency_hz=450.0)
+        scan_frequency_hz=300.0, scan_amplitude_um=2.0,
+        feedback_acceptable_amplitude_um='[1.0, 3.0]',
+        feedback_acceptable_frequency_hz='[600.0, 300.0]')
     assert scheme_parameter(peer) == 'auto'
     assert peer.change_state('controller', 'configure')
     assert peer.wait_for_status('controller', state='inactive')['scheme'] == 'fbff'
@@ -66,9 +68,10 @@ def test_auto_becomes_a_concrete_scheme_when_the_controller_is_configured(rig, p
     assert scheme_parameter(peer) == 'fb'
 
 
-@pytest.mark.parametrize('known', ['scan_frequency_hz', 'feedback_acceptable_frequency_hz'])
+@pytest.mark.parametrize('known', [
+    {'scan_frequency_hz': 300.0}, {'feedback_acceptable_frequency_hz': '[300.0]'}])
 def test_auto_without_both_frequencies_ends_the_start_with_the_reason(rig, known):
-    process = rig.node('controller', scheme='auto', **{known: 300.0})
+    process = rig.node('controller', scheme='auto', **known)
     assert process.wait() == 1
     assert 'Traceback' not in process.output
     assert 'scheme is auto, and ' in process.output
