@@ -20,6 +20,7 @@ __all__ = [
     'BareParameters',
     'BlockParameters',
     'DemandParameters',
+    'HistoryParameters',
     'PaceParameters',
     'RecorderParameters',
     'SafetyParameters',
@@ -77,6 +78,20 @@ class PaceParameters(ParameterSet):
         minimum=0.0, maximum=1e6)
     publish_clock: bool = parameter(
         False, '', 'publish the simulated time on the topic clock, for one rig remapped to /clock')
+
+
+@dataclass(frozen=True, kw_only=True)
+class HistoryParameters(ParameterSet):
+    """What the stage remembers of the runs before, and how it is made to forget."""
+
+    keep_state: bool = parameter(
+        False, '', 'begin a run where the one before has left the stage, as a real one does, '
+        'instead of with a stage that was never driven; ~/initialise demagnetises it')
+    initialise_amplitude_v: float = parameter(
+        0.0, 'V', 'first peak of the decaying triangle of ~/initialise; 0: up to the nearer rail',
+        minimum=0.0, maximum=1e3, change='running')
+    initialise_levels: int = parameter(
+        100, '', 'periods of the decaying triangle', minimum=1, maximum=10_000, change='running')
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -143,7 +158,8 @@ NODE_PARAMETERS: Final[Mapping[str, tuple[type[ParameterSet], ...]]] = {
     'compensator': (HysteresisParameters, StageParameters),
     'controller': (ControllerParameters, DemandParameters, StageParameters),
     'plant': (
-        RigParameters, SafetyParameters, PaceParameters, BareParameters, StageParameters),
+        RigParameters, SafetyParameters, PaceParameters, HistoryParameters, BareParameters,
+        StageParameters),
     'trajectory': (TrajectoryParameters, BlockParameters, StageParameters),
 }
 

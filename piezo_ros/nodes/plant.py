@@ -4,16 +4,27 @@ import math
 import time
 from typing import Any
 
-from piezo_ros.experiment.node_parameters import BareParameters, SafetyParameters
+from piezo_ros.control.demagnetisation import demagnetising_voltage
+from piezo_ros.experiment.node_parameters import (
+    BareParameters,
+    HistoryParameters,
+    PaceParameters,
+    SafetyParameters,
+)
 from piezo_ros.model.noise import NoiseSource
 from piezo_ros.model.rig import RigParameters, measure_step, rig_constants
 from piezo_ros.model.stepping import rig_stepper
 from piezo_ros.nodes.demand import DemandWriter
+from piezo_ros.nodes.pace import Pace
 from piezo_ros.nodes.parameters import read
-from piezo_ros.nodes.stage import Stage
+from piezo_ros.nodes.simulated_clock import SimulatedClock
+from piezo_ros.nodes.stage import ServiceRefusedError, Stage
 from piezo_ros.nodes.streams import StreamFault
 
 __all__ = ['Plant']
+
+_SETTLE_S = 0.02  # simulated time at zero after the last of the decaying triangle
+_NAP_S = 0.005  # a paced plant sleeps so long at once, and then looks whether it shall stop
 
 
 class Plant(Stage):
@@ -21,27 +32,38 @@ class Plant(Stage):
 
     inputs = ('voltage',)
     outputs = ('displacement',)
+    troubles = (*Stage.troubles, 'overruns')
 
     def __init__(self, *, compiled: bool = False) -> None:
         self._voltage_v = 0.0
         self._elapsed_s = 0.0
+        self._index = 0
+        self._stage_of: tuple[Any, ...] = ()  # what the stage that is kept was made of
+        self._pace: Pace | None = None
+        self._clock_writer: SimulatedClock | None = None
         super().__init__('plant', compiled=compiled)
+        self.create_trigger('initialise', self.initialise)
 
     def configure(self) -> None:
         """Read the parameters of the rig."""
         self._rig = read(self, RigParameters)
         self._safety = read(self, SafetyParameters)
+        self._history = read(self, HistoryParameters)
+        self._timing = read(self, PaceParameters)
         self._lookahead = read(self, BareParameters).demand_lookahead_samples
 
     def create_endpoints(self) -> None:
-        """Create the publisher of the demand, where there is no controller to demand."""
-        if self._lookahead:
-            self.demand = DemandWriter(self, self._lookahead)
+        """Create the publisher of the demand, where no controller demands, and of the clock."""
+        self._demand = DemandWriter(self, self._lookahead) if self._lookahead else None
+        self._clock_writer = (
+            SimulatedClock(self, lambda: self._index) if self._timing.publish_clock else None)
 
     def start(self) -> None:
         """Put the rig to rest at its operating point and send its first reading."""
-        period_s = self.settings.sample_period_s
-        self._hold = rig_stepper(self._rig, period_s, compiled=self.settings.compiled)
+        period_s, start_index = self.settings.sample_period_s, self.settings.start_index
+        self._kept = self._history.keep_state and self._has_stage()
+        if not self._kept:
+            self._make_stage()
         self._noise = NoiseSource(self._rig.seed)
         self._voltage = self.readers['voltage']
         self._displacement = self.writers['displacement']
@@ -50,18 +72,51 @@ class Plant(Stage):
         self._received_at_s = math.inf
         self._began_s = time.perf_counter()
         self._elapsed_s = 0.0
-        first = max(self.settings.start_index, 0)
-        self._index = first
+        factor = self._timing.realtime_factor
+        self._pace = Pace(factor, period_s) if factor else None
+        self._held: tuple[float, ...] | None = None
+        self._index = max(start_index, 0)
+        if start_index >= 0:
+            self._open()
+        if self._demand:
+            self._demand.start(self._index)
+        if self._clock_writer:
+            self._clock_writer.start(period_s)
+
+    def _has_stage(self) -> bool:
+        return self._stage_of == (
+            self._rig, self.settings.sample_period_s, self.settings.compiled)
+
+    def _make_stage(self) -> None:
+        self._stage_of = (self._rig, self.settings.sample_period_s, self.settings.compiled)
+        self._hold = rig_stepper(
+            self._rig, self.settings.sample_period_s, compiled=self.settings.compiled)
+
+    def begin_at(self, index: int) -> None:
+        """Open with the reading before the first voltage, whose index is known only now."""
+        super().begin_at(index)
+        self._open()
+
+    def _open(self) -> None:
+        """Send the reading before the first voltage."""
+        self._index = self._displacement.next_index
+        noise = self._noise(self._index)
+        # A stage that has been driven rests at zero volts, wherever that is.
         self._displacement.publish_one(
-            measure_step(rig_constants(self._rig, period_s), 0.0, self._noise(first)))
-        if self._lookahead:
-            self.demand.start(self._index)
+            self._hold(0.0, noise) if self._kept else measure_step(
+                rig_constants(self._rig, self.settings.sample_period_s), 0.0, noise))
 
     def poll(self) -> bool:
         """Answer one block."""
+        if self._pace is not None:
+            return self._poll_paced(self._pace)
         samples = self._voltage.take()
         if samples is None:
             return False
+        self._answer(samples)
+        return True
+
+    def _answer(self, samples: tuple[float, ...]) -> None:
         if self._displacement.sent == 1:
             self._began_s = time.perf_counter()
         if len(samples) == 1:
@@ -77,13 +132,29 @@ class Plant(Stage):
         else:
             self._elapsed_s = time.perf_counter() - self._began_s
             self.finish()
-        if self._lookahead:
-            self.demand.update(self._index)
+        if self._demand:
+            self._demand.update(self._index)
+
+    def _poll_paced(self, pace: Pace) -> bool:
+        """Answer one block when its time has come."""
+        if self._held is None:
+            self._held = self._voltage.take()
+            if self._held is None:
+                return False
+            self._due_s = pace.due_s(self._index, len(self._held), time.monotonic())
+        left_s = self._due_s - time.monotonic()
+        if left_s > 0.0 and self._held:
+            # Everybody waits for this stage; none is kept waiting for longer than a nap.
+            time.sleep(min(left_s, _NAP_S))
+            if left_s > _NAP_S:
+                return False
+        samples, self._held = self._held, None
+        self._answer(samples)
         return True
 
     def watch(self, now_s: float) -> None:
         """End the run when the voltage stays away; a killed peer leaves discovery only later."""
-        if self._voltage.received != self._received:
+        if self._voltage.received != self._received or self._held is not None:
             self._received = self._voltage.received
             if self._received:
                 self._received_at_s = now_s
@@ -95,6 +166,7 @@ class Plant(Stage):
     def parameters_changed(self) -> None:
         """Take over new limits of the watchdog and of the safe slew."""
         self._safety = read(self, SafetyParameters)
+        self._history = read(self, HistoryParameters)
 
     def quiesce(self) -> None:
         """Ramp the voltage to zero deviation at the safe slew."""
@@ -105,7 +177,45 @@ class Plant(Stage):
             else:
                 self._voltage_v -= math.copysign(step_v, self._voltage_v)
             self._hold(self._voltage_v, 0.0)
+        if self._clock_writer:
+            self._clock_writer.stop()
+
+    def initialise(self) -> str:
+        """Demagnetise the stage with a decaying triangle; the inverse assumes one without past."""
+        if self.running:
+            raise ServiceRefusedError('a run is going on; call ~/stop or deactivate first')
+        if not self.is_configured:
+            raise ServiceRefusedError('the node is not configured')
+        self.between_samples(self._demagnetise)
+        return (
+            f'{self._history.initialise_levels} periods of a triangle, from '
+            f'{self._initial_amplitude_v():g} V to 0 V')
+
+    def _initial_amplitude_v(self) -> float:
+        rig = self._rig
+        reach_v = min(
+            rig.operating_point_v - rig.voltage_minimum_v,
+            rig.voltage_maximum_v - rig.operating_point_v)
+        return self._history.initialise_amplitude_v or reach_v
+
+    def _demagnetise(self) -> None:
+        if not self._has_stage():
+            self._make_stage()
+        period_s = self.settings.sample_period_s
+        for voltage_v in demagnetising_voltage(
+            self._initial_amplitude_v(), self._history.initialise_levels,
+            self._safety.safe_slew_v_per_s, period_s,
+        ):
+            self._hold(voltage_v, 0.0)
+        for _ in range(round(_SETTLE_S / period_s)):
+            self._hold(0.0, 0.0)
+
+    def counts(self) -> dict[str, int]:
+        """Return the counts of every stage, and of the pace."""
+        return {**super().counts(), 'overruns': self._pace.overruns if self._pace else 0}
 
     def status_fields(self) -> dict[str, Any]:
         """Return the voltage that the rig is driven with and how long the run took."""
-        return {'voltage_v': self._voltage_v, 'elapsed_s': self._elapsed_s}
+        return {
+            'voltage_v': self._voltage_v, 'elapsed_s': self._elapsed_s,
+            'overruns': self._pace.overruns if self._pace else 0}

@@ -2,7 +2,7 @@
 
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
-__all__ = ['DIAGNOSTICS', 'EVERY_STATUS', 'LATCHED', 'NEWEST', 'STREAM']
+__all__ = ['CLOCK', 'DIAGNOSTICS', 'EVERY_STATUS', 'LATCHED', 'NEWEST', 'STREAM']
 
 # A reader that does not take blocks the writer; nothing is ever dropped.
 STREAM = QoSProfile(
@@ -27,4 +27,9 @@ NEWEST = QoSProfile(
 # What the aggregators of diagnostics ask for.
 DIAGNOSTICS = QoSProfile(
     history=HistoryPolicy.KEEP_LAST, depth=10, reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.VOLATILE)
+
+# The newest time; whoever asks for best effort, as clients of a clock do, gets it too.
+CLOCK = QoSProfile(
+    history=HistoryPolicy.KEEP_LAST, depth=1, reliability=ReliabilityPolicy.RELIABLE,
     durability=DurabilityPolicy.VOLATILE)

@@ -40,6 +40,8 @@ def run_parameters(
     # The stages stay until the recorder has all it wants of them.
     common = {'required_readers': 2 if record else 1, 'linger_s': -1.0, 'compiled': compiled}
     sections = {stage: {**planned.parameters[stage], **common} for stage in planned.stages}
+    # Every run of a plan is one of its own, whichever process does it.
+    sections['plant']['keep_state'] = False
     # Without a controller the plant demands, and only the recorder reads its displacement.
     sections['plant']['demand_lookahead_samples'] = _BARE_LOOKAHEAD if planned.bare else 0
     if planned.bare:

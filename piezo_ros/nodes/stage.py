@@ -64,7 +64,7 @@ class Stage(LifecycleNode):
         super().__init__(
             name, parameter_overrides=[Parameter('compiled', value=True)] if compiled else [])
         self._fixed = fixed_during_run(*NODE_PARAMETERS[name])
-        self._configured = False
+        self.is_configured = False
         self._reread = False  # parameters have changed since they were read
         declare(self, *NODE_PARAMETERS[name], accept=self._accept_changes)
         self.add_post_set_parameters_callback(self._after_changes)
@@ -149,7 +149,7 @@ class Stage(LifecycleNode):
         except Exception as error:  # rclpy would swallow it.
             self._destroy_endpoints()
             return self._refuse('configure', error)
-        self._configured = True
+        self.is_configured = True
         self.reason = ''
         self._report('inactive')
         return TransitionCallbackReturn.SUCCESS
@@ -240,7 +240,7 @@ class Stage(LifecycleNode):
         return self.on_cleanup(state)
 
     def _destroy_endpoints(self) -> None:
-        self._configured = False
+        self.is_configured = False
         self._monitor.run_at(0.0)
         for reader in self.readers.values():
             self._stream_subscriptions.discard(reader.subscription)
@@ -318,7 +318,7 @@ class Stage(LifecycleNode):
         return self.change_parameters(changes)
 
     def _after_changes(self, changes: list[Parameter[Any]]) -> None:
-        if not self._configured:
+        if not self.is_configured:
             return
         self._reread = True
         self.settings = read(self, StageParameters)

@@ -61,6 +61,11 @@ class StreamWriter:
         self.sent = 0
         self._ended = False
 
+    @property
+    def next_index(self) -> int:
+        """Index of the next sample."""
+        return self._next
+
     def begin_at(self, index: int) -> None:
         """Begin at another index, unless something is sent already."""
         if not self.sent:
@@ -160,7 +165,7 @@ class StreamReader:
 
         """
         self.queue.clear()
-        self.next_index = max(index, 0)
+        self.next_index = index  # -1 is no index: whatever comes first is looked at closely
         self.received = 0
         self.refused = 0
         self.gaps = 0

@@ -1,0 +1,41 @@
+"""The voltage that takes a stage back to where it has no history: a triangle that dies away."""
+
+from piezo_ros.control.waveform import WaveformParameters, reference_step, waveform_constants
+
+__all__ = ['demagnetising_voltage']
+
+
+def demagnetising_voltage(
+    amplitude_v: float, levels: int, slew_v_per_s: float, sample_period_s: float,
+) -> list[float]:
+    """
+    Return a triangle whose periods get smaller, from the full amplitude to nothing.
+
+    Every element of the hysteresis that the first period saturates is left near its middle, where
+    the inverse model assumes it: the nearer, the more levels there are.
+
+    Parameters
+    ----------
+    amplitude_v : float
+        Peak of the first period, volts.
+    levels : int
+        Number of periods, each smaller than the one before by the same amount.
+    slew_v_per_s : float
+        Slope of the first period, volts per second.
+    sample_period_s : float
+        Sample period, seconds.
+
+    Returns
+    -------
+    list of float
+        Voltage, volts, deviation from the operating point; the last one is 0.
+
+    """
+    # At least 8 samples a period, whatever the slope.
+    frequency_hz = min(slew_v_per_s / (4.0 * amplitude_v), 0.125 / sample_period_s)
+    waveform = WaveformParameters(
+        waveform='decreasing_triangle', output='voltage', amplitude_v=amplitude_v,
+        frequency_hz=frequency_hz, periods=float(levels), sample_period_s=sample_period_s)
+    constants = waveform_constants(waveform)
+    turns = [constants.turns_per_sample * index for index in range(waveform.samples)]
+    return [*(reference_step(constants, turn) for turn in turns), 0.0]

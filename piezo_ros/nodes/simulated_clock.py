@@ -1,0 +1,59 @@
+"""The simulated time of a run on the topic ``clock``, for nodes with use_sim_time."""
+
+from typing import TYPE_CHECKING
+
+from rosgraph_msgs.msg import Clock
+
+from piezo_ros.nodes.observation import SteadyTimer
+from piezo_ros.nodes.qos import CLOCK
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from piezo_ros.nodes.stage import Stage
+
+__all__ = ['SimulatedClock']
+
+_RATE_HZ = 100.0
+
+
+class SimulatedClock:
+    """
+    Publishes k·Ts, a hundred times a second of the wall clock as long as it moves.
+
+    Parameters
+    ----------
+    stage : Stage
+        Whose time it is.
+    index : callable
+        Returns the present sample k.
+
+    """
+
+    def __init__(self, stage: 'Stage', index: 'Callable[[], int]') -> None:
+        self._index = index
+        self._period_s = 0.0
+        self._shown = -1
+        self._publisher = stage.create_own_publisher(Clock, 'clock', CLOCK)
+        self._timer = SteadyTimer(stage, self.show)
+
+    def start(self, sample_period_s: float) -> None:
+        """Begin a run, from its first sample on."""
+        self._period_s = sample_period_s
+        self._shown = -1
+        self._timer.run_at(_RATE_HZ)
+
+    def stop(self) -> None:
+        """Show the last sample and stand still."""
+        self._timer.run_at(0.0)
+        self.show()
+
+    def show(self) -> None:
+        """Publish the present time, unless it is the same as before."""
+        index = self._index()
+        if index != self._shown:
+            self._shown = index
+            seconds, nanoseconds = divmod(round(index * self._period_s * 1e9), 10**9)
+            message = Clock()
+            message.clock.sec, message.clock.nanosec = seconds, nanoseconds
+            self._publisher.publish(message)
