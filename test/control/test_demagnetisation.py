@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from piezo_ros.control.demagnetisation import demagnetising_voltage
-from piezo_ros.model import MaxwellResistiveCapacitor, Rig, RigParameters
+from piezo_ros.model import Rig, RigParameters
 
 PERIOD_S = 1e-5
 
@@ -35,5 +35,5 @@ def test_it_takes_a_stage_back_to_where_the_inverse_model_assumes_it(levels):
     rig.run(np.zeros(2000))
     # Half a level of voltage is what is left of the last swing.
     left_v = 5.0 / levels
-    kappa_um_per_v = MaxwellResistiveCapacitor().kappa_um_per_v[-1]
+    kappa_um_per_v = RigParameters().kappa_um_per_v[-1]
     assert abs(rig.measure()) < left_v * kappa_um_per_v / 2.0
