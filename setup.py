@@ -94,6 +94,8 @@ setup(
     ],
     extras_require={
         'ros': ROS_WHEELS,
+        # One more ring in piezo bench.
+        'cyclonedds': ['cyclonedds>=0.10.2'],
         'test': [
             'catkin_pkg',
             'colcon-common-extensions',

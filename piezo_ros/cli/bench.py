@@ -1,134 +1,130 @@
-"""``piezo bench``: how fast the graph and the kernels are, as ratios within one run."""
+"""``piezo bench``: how fast the graph, the kernels and the bags are, as ratios within one run."""
 
 import argparse
-import datetime
 import json
-import os
-import platform
-import statistics
 import sys
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from piezo_ros.cli.progress import Progress
-from piezo_ros.experiment.errors import CampaignError
-from piezo_ros.experiment.kernel_speed import kernel_speeds
-from piezo_ros.experiment.node_parameters import check_node_parameters
-from piezo_ros.experiment.plan import STAGES, PlannedRun
-from piezo_ros.experiment.provenance import software_versions
+
+if TYPE_CHECKING:
+    from piezo_ros.experiment.benchmark import Change, Measurement, Ratio
 
 __all__ = ['add_command']
 
-FORMAT_VERSION: Final = 1
-# name -> numerator, denominator
-_RATIOS: Final = {
-    'composed_over_ring': ('graph_composed', 'ring_composed'),
-    'separate_over_ring': ('graph_separate', 'ring_separate'),
-    'composed_recorded_over_unrecorded': ('graph_composed_recorded', 'graph_composed'),
-    'separate_recorded_over_unrecorded': ('graph_separate_recorded', 'graph_separate'),
-}
-_EXAMPLES = """\
+_EXAMPLES: Final = """\
 examples:
   piezo bench
-  piezo bench --rounds 9 --json bench.json
-  piezo bench --kernels
+  piezo bench --only kernels,bag --rounds 9
+  piezo bench --json today.json --compare docs/bench/reference.json
+  piezo bench --list
+  piezo bench --draw docs/bench/reference.json -o reference.svg
 """
 
 
 def add_command(commands: Any) -> None:
     """Add the command to the parser."""
     parser = commands.add_parser(
-        'bench', help='loops/s composed and separate beside the bare transport; kernels',
-        epilog=_EXAMPLES, formatter_class=argparse.RawDescriptionHelpFormatter)
+        'bench', help='loops/s composed and separate beside the bare transport; kernels, bags, '
+        'fits', epilog=_EXAMPLES, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument('--rounds', type=int, default=5, metavar='N', help='rounds (default: 5)')
     parser.add_argument(
-        '--kernels', action='store_true', help='the compiled kernels alone; needs no ROS')
+        '--only', default='', metavar='NAMES',
+        help='groups or single quantities, separated by commas; --list tells them')
+    parser.add_argument(
+        '--list', action='store_true', help='list groups and quantities, measure nothing')
     parser.add_argument('--json', type=Path, metavar='FILE', help='write all values here')
+    parser.add_argument(
+        '--compare', type=Path, metavar='FILE',
+        help='name every ratio that is worse by more than 15 %% than in this earlier --json; '
+        'exit 1 if there is one')
+    parser.add_argument(
+        '--draw', type=Path, metavar='FILE',
+        help='measure nothing, draw the ratios of an earlier --json; needs -o')
+    parser.add_argument('-o', '--output', type=Path, metavar='SVG', help='picture of --draw')
     parser.set_defaults(function=_bench)
 
 
 def _bench(options: argparse.Namespace) -> int:
-    if options.rounds < 1:
-        print(f'piezo: --rounds is {options.rounds}, it must be at least 1', file=sys.stderr)
-        return 2
-    progress = Progress()
-    values: dict[str, list[float]] = {}
-    units: dict[str, str] = {}
+    from piezo_ros.experiment.benchmark import (
+        BenchmarkError,
+        benchmark_record,
+        changes,
+        chosen,
+        read_record,
+        record_table,
+        take_rounds,
+    )
     try:
-        for number in range(1, options.rounds + 1):
-            for name, unit, value in _round(options, f'round {number}/{options.rounds}', progress):
-                values.setdefault(name, []).append(value)
-                units[name] = unit
-    except (CampaignError, ImportError) as error:
-        progress.end()
+        if options.rounds < 1:
+            raise BenchmarkError(f'--rounds is {options.rounds}, it must be at least 1')
+        if (options.draw is None) != (options.output is None):
+            raise BenchmarkError('--draw and -o belong together')
+        if options.draw:
+            return _draw(read_record(options.draw), options.output)
+        table, ratios, without = _everything()
+        names = [name.strip() for name in options.only.split(',') if name.strip()]
+        if options.list:
+            _list(table)
+            return 0
+        measurements = chosen(table, names)
+        earlier = read_record(options.compare) if options.compare else None
+    except BenchmarkError as error:
         print(f'piezo: {error}', file=sys.stderr)
-        return 1
+        return 2
+    if without:
+        print(f'piezo: {without}', file=sys.stderr)
+    progress = Progress()
+    readings = take_rounds(measurements, options.rounds, progress.announce)
     progress.end()
-    result = {
-        'format_version': FORMAT_VERSION,
-        'date': datetime.datetime.now(datetime.timezone.utc).isoformat(timespec='seconds'),
-        'machine': {
-            'processor': _processor(), 'cores': os.cpu_count(),
-            'system': platform.platform(), 'python': platform.python_version()},
-        'software': software_versions(),
-        'rounds': options.rounds,
-        'results': {
-            name: {'unit': units[name], **_summary(values[name])} for name in values},
-        # Pair by pair, so that a machine whose speed drifts compares like with like.
-        'ratios': {
-            name: _summary([
-                a / b for a, b in zip(values[over], values[under], strict=True)])
-            for name, (over, under) in _RATIOS.items() if over in values},
-    }
+    record = benchmark_record(measurements, ratios, readings, options.rounds)
     if options.json:
-        options.json.write_text(json.dumps(result, indent=2) + '\n', encoding='utf-8')
-    print(_table(result))
-    return 0
+        options.json.write_text(json.dumps(record, indent=2) + '\n', encoding='utf-8')
+    print(record_table(record))
+    worse = _report_changes(changes(record, earlier)) if earlier else False
+    return 1 if worse or readings.failed else 0
 
 
-def _round(options: argparse.Namespace, title: str, progress: Progress) -> Any:
-    """Measure everything once; graph and ring take turns."""
-    stage_defaults = {stage: check_node_parameters(stage, {}) for stage in STAGES}
-    planned = PlannedRun('bench', stage_defaults)
-    progress.announce(f'{title}: kernels')
-    yield from kernel_speeds(planned.plant)
-    if options.kernels:
-        return
-    from piezo_ros.nodes.graph_speed import graph_rate, ring_rate
-    for label, composed, periods in (('composed', True, 120.0), ('separate', False, 60.0)):
-        progress.announce(f'{title}: {label}')
-        stage_defaults['trajectory'] = check_node_parameters('trajectory', {'periods': periods})
-        planned = PlannedRun('bench', stage_defaults)
-        samples = planned.trajectory.samples
-        yield f'ring_{label}', 'loops/s', ring_rate(samples, composed=composed)
-        yield f'graph_{label}', 'loops/s', graph_rate(
-            planned, composed=composed, record=False, progress=progress.show)
-        yield f'graph_{label}_recorded', 'loops/s', graph_rate(
-            planned, composed=composed, record=True, progress=progress.show)
-
-
-def _summary(values: list[float]) -> dict[str, Any]:
-    return {
-        'median': statistics.median(values), 'minimum': min(values), 'maximum': max(values),
-        'values': values}
-
-
-def _table(result: dict[str, Any]) -> str:
-    lines = [f'{"":36}{"median":>12}{"minimum":>12}{"maximum":>12}']
-    for name, row in result['results'].items():
-        numbers = ''.join(f'{row[key]:12.4g}' for key in ('median', 'minimum', 'maximum'))
-        lines.append(f'{name:36}{numbers}  {row["unit"]}')
-    for name, row in result['ratios'].items():
-        numbers = ''.join(f'{row[key]:12.2f}' for key in ('median', 'minimum', 'maximum'))
-        lines.append(f'{name:36}{numbers}')
-    return '\n'.join(lines)
-
-
-def _processor() -> str:
+def _everything() -> 'tuple[list[Measurement], list[Ratio], str]':
+    """Return all measurements, all ratios, and what is left out without ROS."""
+    from piezo_ros.experiment.bag_speed import BAG_RATIOS, BAGS
+    from piezo_ros.experiment.fit_speed import FIT_RATIOS, FITS
+    from piezo_ros.experiment.kernel_speed import KERNEL_RATIOS, KERNELS, YARDSTICKS
+    table = [*YARDSTICKS, *KERNELS, *BAGS, *FITS]
+    ratios = [*KERNEL_RATIOS, *BAG_RATIOS, *FIT_RATIOS]
     try:
-        for line in Path('/proc/cpuinfo').read_text(encoding='utf-8').splitlines():
-            if line.startswith('model name'):
-                return line.partition(':')[2].strip()
-    except OSError:
-        pass
-    return platform.processor()
+        from piezo_ros.nodes.live_speed import LIVE, LIVE_RATIOS
+    except ImportError as error:
+        return table, ratios, f'nothing of live nodes is measured, that needs ROS 2 ({error})'
+    return [*table, *LIVE], [*LIVE_RATIOS, *ratios], ''
+
+
+def _list(table: 'list[Measurement]') -> None:
+    group = ''
+    for entry in table:
+        if entry.group != group:
+            group = entry.group
+            print(group)
+        missing = entry.missing()
+        for quantity in entry.quantities:
+            print(f'  {quantity.name:34}{quantity.unit:12}{missing}'.rstrip())
+
+
+def _report_changes(found: 'list[Change]') -> bool:
+    """Print how ratios compare with earlier ones; whether one is worse."""
+    print(f'{"compared":36}{"before":>12}{"now":>12}')
+    for change in found:
+        verdict = '  WORSE' if change.worse else ''
+        print(f'  {change.name:34}{change.before:12.3g}{change.now:12.3g}{verdict}')
+    worse = [change.name for change in found if change.worse]
+    print(f'{len(worse)} of {len(found)} ratios are worse by more than 15 %')
+    return bool(worse)
+
+
+def _draw(record: dict[str, Any], output: Path) -> int:
+    from piezo_ros.report.bench_figure import bench_figure
+    from piezo_ros.report.rendering import svg
+    output.write_text(svg(bench_figure(record), 'bench'), encoding='utf-8')
+    print(f'picture: {output}')
+    return 0

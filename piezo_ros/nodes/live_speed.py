@@ -1,0 +1,93 @@
+"""What ``piezo bench`` measures of live nodes and of the transports beside them."""
+
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Any, Final
+
+from piezo_ros.experiment.benchmark import Measurement, Quantity, Ratio
+from piezo_ros.experiment.errors import CampaignError
+from piezo_ros.experiment.node_parameters import check_node_parameters
+from piezo_ros.experiment.plan import STAGES, PlannedRun
+from piezo_ros.nodes.graph_speed import graph_rate, ring_rate
+from piezo_ros.nodes.other_rings import HOPS, TRANSPORTS, missing_transport
+
+__all__ = ['LIVE', 'LIVE_RATIOS']
+
+_COMPOSED_PERIODS: Final = 120.0
+_SEPARATE_PERIODS: Final = 60.0
+_OTHER_RING_ROUNDS: Final = 20_000
+_RING_PATIENCE_S: Final = 120.0
+
+
+def _planned(**stages: Mapping[str, Any]) -> PlannedRun:
+    return PlannedRun('bench', {
+        stage: check_node_parameters(stage, stages.get(stage, {})) for stage in STAGES})
+
+
+def _closed_loop(*, composed: bool) -> PlannedRun:
+    return _planned(trajectory={
+        'periods': _COMPOSED_PERIODS if composed else _SEPARATE_PERIODS})
+
+
+def _ring(*, composed: bool) -> tuple[float]:
+    return (ring_rate(_closed_loop(composed=composed).trajectory.samples, composed=composed),)
+
+
+def _graph(*, composed: bool, record: bool) -> tuple[float]:
+    return (graph_rate(_closed_loop(composed=composed), composed=composed, record=record),)
+
+
+def _other_ring(transport: str) -> tuple[float]:
+    """Return the rounds per second of the ring over another transport."""
+    with tempfile.TemporaryDirectory(prefix='piezo_ring_') as directory:
+        processes = [
+            subprocess.Popen(
+                [sys.executable, '-m', 'piezo_ros.nodes.other_rings', transport,
+                 str(_OTHER_RING_ROUNDS), str(hop), directory],
+                stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                text=True)
+            for hop in range(HOPS)]
+        try:
+            outputs = [process.communicate(timeout=_RING_PATIENCE_S) for process in processes]
+        except subprocess.TimeoutExpired:
+            raise CampaignError(
+                f'the {transport} ring did not end within {_RING_PATIENCE_S:g} s') from None
+        finally:
+            for process in processes:
+                process.kill()
+    if any(process.returncode for process in processes):
+        raise CampaignError(
+            f'the {transport} ring failed: ' + ' '.join(error for _, error in outputs))
+    return (float(outputs[0][0]),)
+
+
+def _rate(group: str, name: str, measure: Callable[[], tuple[float]],
+          missing: Callable[[], str] = lambda: '') -> Measurement:
+    return Measurement(
+        group, (Quantity(name, 'loops/s', higher_is_better=True),), measure, missing)
+
+
+LIVE: Final = (
+    _rate('composed', 'ring_composed', partial(_ring, composed=True)),
+    _rate('composed', 'graph_composed', partial(_graph, composed=True, record=False)),
+    _rate('composed', 'graph_composed_recorded', partial(_graph, composed=True, record=True)),
+    _rate('separate', 'ring_separate', partial(_ring, composed=False)),
+    _rate('separate', 'graph_separate', partial(_graph, composed=False, record=False)),
+    _rate('separate', 'graph_separate_recorded', partial(_graph, composed=False, record=True)),
+    *(_rate('separate', f'ring_{transport}', partial(_other_ring, transport),
+            partial(missing_transport, transport))
+      for transport in TRANSPORTS),
+)
+LIVE_RATIOS: Final = (
+    Ratio('composed_over_ring', 'graph_composed', 'ring_composed', higher_is_better=True),
+    Ratio('separate_over_ring', 'graph_separate', 'ring_separate', higher_is_better=True),
+    Ratio('composed_recorded_over_unrecorded', 'graph_composed_recorded', 'graph_composed',
+          higher_is_better=True),
+    Ratio('separate_recorded_over_unrecorded', 'graph_separate_recorded', 'graph_separate',
+          higher_is_better=True),
+    Ratio('separate_over_cyclone_ring', 'graph_separate', 'ring_cyclone', higher_is_better=True),
+    Ratio('separate_over_socket_ring', 'graph_separate', 'ring_socket', higher_is_better=True),
+)

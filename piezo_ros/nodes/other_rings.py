@@ -1,0 +1,151 @@
+"""
+The ring of `piezo_ros.nodes.bare_ring` over other transports, to see ROS 2 beside them.
+
+Run as ``python -m piezo_ros.nodes.other_rings TRANSPORT ROUNDS HOP DIRECTORY``, one process for
+each hop, TRANSPORT being ``socket`` (UNIX datagrams) or ``cyclone`` (Cyclone DDS without ROS).
+The process of hop 0 prints the rounds per second.
+"""
+
+import importlib.util
+import os
+import socket
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final, Protocol
+
+from piezo_ros.bag import BlockCodec
+
+__all__ = ['HOPS', 'TRANSPORTS', 'main', 'missing_transport']
+
+HOPS: Final = 3
+_PATIENCE_S: Final = 20.0
+
+
+class _Link(Protocol):
+    """One hop: takes from the hop before and sends to the next one."""
+
+    def take(self) -> bytes:
+        """Wait for a message."""
+
+    def send(self, message: bytes) -> None:
+        """Send a message."""
+
+
+class _SocketLink:
+    """UNIX datagram sockets in a directory."""
+
+    def __init__(self, hop: int, directory: Path) -> None:
+        self._inbox = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+        self._inbox.bind(str(directory / f'hop_{hop}'))
+        self._inbox.settimeout(_PATIENCE_S)
+        following = directory / f'hop_{(hop + 1) % HOPS}'
+        _wait(following.exists)
+        self._outbox = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+        self._outbox.connect(str(following))
+
+    def take(self) -> bytes:
+        return self._inbox.recv(4096)
+
+    def send(self, message: bytes) -> None:
+        self._outbox.send(message)
+
+
+class _CycloneLink:
+    """Topics of Cyclone DDS, reliable and KEEP_ALL, polled as the bare ring polls."""
+
+    def __init__(self, hop: int, directory: Path) -> None:
+        from cyclonedds.core import Policy, Qos
+        from cyclonedds.domain import DomainParticipant
+        from cyclonedds.idl import IdlStruct
+        from cyclonedds.idl.types import sequence, uint8
+        from cyclonedds.pub import DataWriter
+        from cyclonedds.sub import DataReader
+        from cyclonedds.topic import Topic
+        from cyclonedds.util import duration
+
+        @dataclass
+        class Message(IdlStruct):
+            data: sequence[uint8]
+
+        self._message = Message
+        participant = DomainParticipant(int(os.environ.get('ROS_DOMAIN_ID', '0')))
+        quality = Qos(
+            Policy.Reliability.Reliable(duration(seconds=10)), Policy.History.KeepAll)
+        name = directory.name
+        topics = [
+            Topic(participant, f'{name}_{number}', Message)
+            for number in (hop, (hop + 1) % HOPS)]
+        self._reader = DataReader(participant, topics[0], qos=quality)
+        self._writer = DataWriter(participant, topics[1], qos=quality)
+        _wait(lambda: bool(
+            self._reader.get_matched_publications() and self._writer.get_matched_subscriptions()))
+
+    def take(self) -> bytes:
+        deadline = time.perf_counter() + _PATIENCE_S
+        while not (taken := self._reader.take(1)):
+            os.sched_yield()
+            if time.perf_counter() > deadline:
+                raise TimeoutError('the ring has stopped')
+        return bytes(taken[0].data)
+
+    def send(self, message: bytes) -> None:
+        self._writer.write(self._message(message))
+
+
+TRANSPORTS: Final[dict[str, Callable[[int, Path], _Link]]] = {
+    'socket': _SocketLink, 'cyclone': _CycloneLink}
+
+
+def missing_transport(transport: str) -> str:
+    """Return why a transport cannot be used here, '' where it can."""
+    if transport == 'socket':
+        return '' if hasattr(socket, 'AF_UNIX') else 'this system has no UNIX sockets'
+    if importlib.util.find_spec('cyclonedds') is None:
+        return 'needs the package cyclonedds (pip install piezo_ros[cyclonedds])'
+    return ''
+
+
+def main() -> int:
+    """Run one hop."""
+    transport, rounds, hop, directory = (
+        sys.argv[1], int(sys.argv[2]), int(sys.argv[3]), Path(sys.argv[4]))
+    codec = BlockCodec('voltage')
+    end = codec.encode(0, 1e-5, [])
+    try:
+        link = TRANSPORTS[transport](hop, directory)
+        if hop > 0:
+            while True:
+                message = link.take()
+                link.send(message)
+                if message == end:
+                    time.sleep(0.2)  # the last message is still on its way
+                    return 0
+        # The others may see the match a little later.
+        time.sleep(0.5)
+        message = codec.encode_one(0, 1e-5, 0.5)
+        start = time.perf_counter()
+        for _ in range(rounds):
+            link.send(message)
+            message = link.take()
+        print(rounds / (time.perf_counter() - start), flush=True)
+        link.send(end)
+        link.take()
+    except (OSError, TimeoutError) as error:
+        print(f'hop {hop}: {error}', file=sys.stderr)
+        return 1
+    return 0
+
+
+def _wait(ready: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + _PATIENCE_S
+    while not ready():
+        if time.monotonic() > deadline:
+            raise TimeoutError('the ring is not closed')
+        time.sleep(0.005)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,71 @@
+"""The picture of a benchmark: live rates beside those of the bare transports, and the kernels."""
+
+from collections.abc import Mapping
+from typing import Any, Final
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from piezo_ros.report.rendering import FAINT, INK, SERIES, house_style
+
+__all__ = ['bench_figure']
+
+_BAR_IN: Final = 0.22
+_GROUP_TITLES: Final = {
+    'composed': 'One process', 'separate': 'A process for each stage',
+    'blocks': 'Blocks without feedback', 'kernels': 'Kernels', 'bag': 'Bags', 'fits': 'Fits',
+    'footprint': 'Footprint', 'service': 'Services', 'sweep': 'Sweep'}
+
+
+def bench_figure(record: Mapping[str, Any]) -> Figure:
+    """
+    Draw every group of a benchmark as bars, one panel for each unit in it.
+
+    Parameters
+    ----------
+    record : mapping
+        As `piezo_ros.experiment.benchmark.benchmark_record` returns it.
+
+    Returns
+    -------
+    Figure
+        Medians as bars, the smallest and the largest value as a line. What is bare transport is
+        grey.
+
+    """
+    panels: dict[tuple[str, str], list[str]] = {}
+    for name, row in record['results'].items():
+        if row['group'] != 'yardsticks':
+            panels.setdefault((row['group'], row['unit']), []).append(name)
+    heights = [len(names) + 1.9 for names in panels.values()]
+    machine = record['machine']
+    with house_style('bench'):
+        figure = Figure(figsize=(7.6, _BAR_IN * sum(heights) + 0.4), layout='constrained')
+        figure.suptitle(
+            f'piezo bench, {record["date"][:10]}, {machine["cores"]} cores, '
+            f'{machine["processor"]}, Python {machine["python"]}', fontsize='medium')
+        axes = figure.subplots(len(panels), 1, height_ratios=heights, squeeze=False)[:, 0]
+        for panel, ((group, unit), names) in zip(axes, panels.items(), strict=True):
+            _bars(panel, record['results'], names)
+            panel.set_title(
+                f'{_GROUP_TITLES.get(group, group)}, {unit}', loc='left', fontsize='medium')
+    return figure
+
+
+def _bars(panel: Axes, results: Mapping[str, Any], names: list[str]) -> None:
+    largest = max(results[name]['maximum'] for name in names)
+    for place, name in enumerate(names):
+        row = results[name]
+        panel.barh(
+            place, row['median'], height=0.66,
+            color=FAINT if name.startswith('ring_') else SERIES[0])
+        panel.plot(
+            [row['minimum'], row['maximum']], [place, place], color=INK, linewidth=1.0,
+            solid_capstyle='butt')
+        panel.text(
+            row['maximum'] + 0.01 * largest, place, f'{row["median"]:,.4g}', va='center',
+            fontsize='small')
+    panel.set_yticks(range(len(names)), [name.replace('_', ' ') for name in names])
+    panel.invert_yaxis()
+    panel.set_xlim(0.0, 1.12 * largest)
+    panel.grid(visible=False, axis='y')

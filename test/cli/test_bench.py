@@ -1,0 +1,86 @@
+import json
+import re
+
+import pytest
+
+from piezo_ros.cli.main import main
+from piezo_ros.experiment import kernel_speed
+
+SMALL = 20_000
+
+
+@pytest.fixture(autouse=True)
+def small(monkeypatch):
+    """What is measured matters here, not how well."""
+    monkeypatch.setattr(kernel_speed, '_SAMPLES', SMALL)
+    kernel_speed._voltage_v.cache_clear()
+    yield
+    kernel_speed._voltage_v.cache_clear()
+
+
+def bench(*arguments):
+    return main(['bench', '--rounds', '2', *arguments])
+
+
+def test_the_kernels_are_measured_written_and_compared(tmp_path, capsys):
+    path = tmp_path / 'bench.json'
+    only = ['--only', 'chain,inverse,forward,closed_loop', '--json', str(path)]
+    assert bench(*only) == 0
+    record = json.loads(path.read_text())
+    assert set(record['results']) == {
+        'chain', 'chain_rate', 'inverse', 'forward', 'closed_loop', 'closed_loop_rate'}
+    assert set(record['ratios']) == {
+        'inverse_over_chain', 'forward_over_chain', 'closed_loop_over_chain'}
+    for row in record['results'].values():
+        assert len(row['values']) == 2
+        assert 0 < row['minimum'] <= row['median'] <= row['maximum']
+    assert 'ns/sample' in capsys.readouterr().out
+
+    # Ten times slower than an earlier run is told, ten times quicker is not.
+    for factor, code in ((0.1, 1), (10.0, 0)):
+        earlier = json.loads(path.read_text())
+        for ratio in earlier['ratios'].values():
+            ratio['median'] *= factor
+        (tmp_path / 'earlier.json').write_text(json.dumps(earlier))
+        assert bench('--only', 'chain,inverse', '--compare', str(tmp_path / 'earlier.json')) == code
+        out = capsys.readouterr().out
+        assert f'{code} of 1 ratios are worse by more than 15 %' in out
+        assert ('WORSE' in out) == bool(code)
+
+
+def test_the_picture_is_drawn_from_the_file(tmp_path, capsys):
+    path, picture = tmp_path / 'bench.json', tmp_path / 'bench.svg'
+    assert bench('--only', 'yardsticks,inverse', '--json', str(path)) == 0
+    assert main(['bench', '--draw', str(path), '-o', str(picture)]) == 0
+    text = picture.read_text()
+    assert re.search(r'>Kernels, ns/sample<', text)
+    assert re.search(r'>inverse<', text)
+    assert 'chain' not in text
+
+
+@pytest.mark.parametrize(('arguments', 'message'), [
+    (['--only', 'nothing'], "'nothing' is no measurement and no group"),
+    (['--compare', 'none.json'], 'cannot read none.json'),
+    (['--draw', 'none.json'], '--draw and -o belong together'),
+    (['--rounds', '0'], '--rounds is 0'),
+])
+def test_what_cannot_be_done_is_refused(arguments, message, capsys):
+    assert bench(*arguments) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_the_list_names_every_group(capsys):
+    assert bench('--list') == 0
+    out = capsys.readouterr().out
+    assert {'yardsticks', 'kernels', 'bag', 'fits'} <= set(out.splitlines())
+
+
+def test_bags_and_fits_are_measured(tmp_path, capsys, monkeypatch):
+    path = tmp_path / 'bench.json'
+    assert main([
+        'bench', '--rounds', '1', '--only', 'yardsticks,bag,fits', '--json', str(path)]) == 0
+    record = json.loads(path.read_text())
+    assert not record['failed']
+    assert {'bag_write_single', 'bag_read_blocks', 'fit_hysteresis', 'fit_dynamics', 'tune_pi'} <= (
+        set(record['results']))
+    assert 'bag_read_single_over_chain' in record['ratios']
