@@ -4,14 +4,17 @@ The four stages closed into a loop offline: the same steps as in the nodes, in t
     y[0];  v[k] = controller(y_d[k], u_ff[k], y[k]);  u[k] = inverse(v[k]);  y[k+1] = rig(u[k])
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from piezo_ros.control.changes import Change, segments
 from piezo_ros.control.controller import (
     ControllerParameters,
     controller_constants,
+    prepare_transfer,
 )
 from piezo_ros.control.controller import initial_state as initial_controller_state
 from piezo_ros.control.trajectory import (
@@ -79,6 +82,7 @@ def simulate(
     compensator: HysteresisParameters,
     controller: ControllerParameters,
     trajectory: TrajectoryParameters,
+    changes: Sequence[Change] = (),
 ) -> ClosedLoopRun:
     """
     Run the whole loop offline; bit for bit what the live graph gives.
@@ -93,6 +97,8 @@ def simulate(
         Gains and scheme.
     trajectory : TrajectoryParameters
         The desired trajectory; its length is that of the run.
+    changes : sequence of Change, optional
+        Changes of gains and scheme during the run.
 
     Returns
     -------
@@ -107,14 +113,16 @@ def simulate(
         np.empty(samples), np.empty(samples), np.empty(samples), np.empty(samples),
         np.empty(samples + 1))
     rig = rig_constants(plant, period_s)
-    closed_loop(
-        as_arrays(trajectory_constants(trajectory)),
-        initial_controller_state(controller, np.array),
-        as_arrays(controller_constants(controller, period_s)),
-        np.zeros(len(compensator.saturation_v)),
-        as_arrays(hysteresis_constants(compensator)),
-        initial_rig_state(rig, np.array),
-        as_arrays(rig),
-        unit_noise(plant.seed, 0, samples + 1),
-        run)
+    waveform = as_arrays(trajectory_constants(trajectory))
+    memory = initial_controller_state(controller, np.array)
+    play_um = np.zeros(len(compensator.saturation_v))
+    inverse = as_arrays(hysteresis_constants(compensator))
+    stage, stage_constants = initial_rig_state(rig, np.array), as_arrays(rig)
+    noise = unit_noise(plant.seed, 0, samples + 1)
+    for start, stop, law in segments(controller, changes, samples):
+        if start:
+            prepare_transfer(memory)
+        closed_loop(
+            waveform, memory, as_arrays(controller_constants(law, period_s)), play_um, inverse,
+            stage, stage_constants, noise, run, start, stop)
     return run

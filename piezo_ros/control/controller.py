@@ -28,6 +28,7 @@ __all__ = [
     'controller_step',
     'initial_state',
     'prepare_transfer',
+    'recall_measurement',
 ]
 
 SCHEMES = ('fb', 'ff', 'fbff', 'open_loop')
@@ -44,21 +45,23 @@ class ControllerParameters(ParameterSet):
     scheme: str = parameter(
         'fbff', '', 'control scheme; auto: fbff where feedback is acceptable at amplitude and '
         'frequency of the scan, else ff',
-        choices=(*SCHEMES, AUTO))
+        choices=(*SCHEMES, AUTO), change='running')
     proportional_gain: float = parameter(
-        paper.TABLE_2['proportional_gain'], 'um/um', 'kP', minimum=0.0, maximum=1e6)
+        paper.TABLE_2['proportional_gain'], 'um/um', 'kP', minimum=0.0, maximum=1e6,
+        change='running')
     integral_gain_per_s: float = parameter(
-        paper.TABLE_2['integral_gain_per_s'], '1/s', 'kI', minimum=0.0, maximum=1e9)
+        paper.TABLE_2['integral_gain_per_s'], '1/s', 'kI', minimum=0.0, maximum=1e9,
+        change='running')
     measurement_delay_samples: int = parameter(
         1, 'samples', 'age d of the measurement in e[k] = y_d[k] - y[k-d]: conversion, computing',
         minimum=0, maximum=1000)
     command_minimum_um: float = parameter(
-        -8.0, 'um', 'lowest command', minimum=-1e4, maximum=0.0)
+        -8.0, 'um', 'lowest command', minimum=-1e4, maximum=0.0, change='running')
     command_maximum_um: float = parameter(
-        8.0, 'um', 'highest command', minimum=0.0, maximum=1e4)
+        8.0, 'um', 'highest command', minimum=0.0, maximum=1e4, change='running')
     anti_windup: str = parameter(
         'clamping', '', 'what the integral does while the command is at a limit',
-        choices=ANTI_WINDUP)
+        choices=ANTI_WINDUP, change='running')
     bumpless_start: bool = parameter(
         True, '', 'preset the integral so that the first command continues the one before')
     feedback_acceptable_frequency_hz: tuple[float, ...] = parameter(
@@ -187,6 +190,15 @@ def initial_state(
 def prepare_transfer(state: ControllerState) -> None:
     """Make the next sample continue the last command, whatever gains and scheme it will have."""
     state.memory[_TRANSFER] = 1.0
+
+
+def recall_measurement(state: ControllerState, index: int, displacement_um: float) -> None:
+    """Tell the controller what was measured while its scheme had no use for it."""
+    measured = state.measured_um
+    if index == 0:
+        for i in range(len(measured)):
+            measured[i] = displacement_um
+    measured[index % len(measured)] = displacement_um
 
 
 @step

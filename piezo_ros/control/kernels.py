@@ -23,11 +23,14 @@ def closed_loop(
     trajectory_constants: Any, controller_state: Any, controller_constants: Any,
     compensator_play_um: NDArray[np.float64], compensator_constants: Any,
     rig_state: Any, rig_constants: Any, noise: NDArray[np.float64], run: Any,
+    start: int, stop: int,
 ) -> None:
-    """Fill the streams of ``run``; the states move on to the end of the run."""
-    measured_um = _measure_step(rig_constants, rig_state.displacement_um[0], noise[0])
-    run.displacement_um[0] = measured_um
-    for k in range(run.reference_um.size):
+    """Fill the streams of ``run`` from one sample to another; the states move on with them."""
+    if start == 0:
+        run.displacement_um[0] = _measure_step(
+            rig_constants, rig_state.displacement_um[0], noise[0])
+    measured_um = run.displacement_um[start]
+    for k in range(start, stop):
         reference_um, feedforward_um = _trajectory_step(trajectory_constants, k)
         command_um = _controller_step(
             controller_state, controller_constants, k, reference_um, feedforward_um, measured_um)

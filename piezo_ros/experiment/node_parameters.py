@@ -12,6 +12,7 @@ from typing import Any, Final
 
 from piezo_ros.bag import STREAMS
 from piezo_ros.control import ControllerParameters, TrajectoryParameters
+from piezo_ros.control.changes import ChangeParameters
 from piezo_ros.model import HysteresisParameters, ParameterError, ParameterSet, RigParameters
 from piezo_ros.model.parameters import parameter
 
@@ -156,7 +157,8 @@ class RecorderParameters(ParameterSet):
 NODE_PARAMETERS: Final[Mapping[str, tuple[type[ParameterSet], ...]]] = {
     'recorder': (RecorderParameters, StageParameters),
     'compensator': (HysteresisParameters, StageParameters),
-    'controller': (ControllerParameters, DemandParameters, StageParameters),
+    'controller': (
+        ControllerParameters, ChangeParameters, DemandParameters, StageParameters),
     'plant': (
         RigParameters, SafetyParameters, PaceParameters, HistoryParameters, BareParameters,
         StageParameters),

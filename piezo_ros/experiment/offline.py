@@ -44,7 +44,8 @@ def simulate_run(planned: PlannedRun, bag: Path) -> RunResult:
         streams = {'voltage': bare.voltage_v, 'displacement': bare.displacement_um}
     else:
         run = simulate(
-            planned.plant, planned.compensator, planned.controller, planned.trajectory)
+            planned.plant, planned.compensator, planned.controller, planned.trajectory,
+            planned.changes)
         streams = dict(zip(STREAMS, run, strict=True))
     seconds = time.perf_counter() - start
     write_run(planned, streams, bag)

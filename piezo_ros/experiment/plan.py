@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 from piezo_ros.control import ControllerParameters, TrajectoryParameters
+from piezo_ros.control.changes import Change, changes_text, parse_changes, segments
 from piezo_ros.control.waveform import EXCITATIONS
 from piezo_ros.experiment.automatic import AUTO, KNOWN_STAGES, Prediction, known_rig, predict
 from piezo_ros.experiment.errors import PlanError
@@ -43,6 +44,7 @@ _SHORT_KEYS: Final = {
     'offset_v': 'trajectory',
     'dwell_s': 'trajectory',
 }
+_CHANGES: Final = 'changes'
 
 
 @dataclass(frozen=True)
@@ -89,6 +91,11 @@ class PlannedRun:
     def controller(self) -> ControllerParameters:
         """Gains and scheme."""
         return _subset(ControllerParameters, self.parameters['controller'])
+
+    @property
+    def changes(self) -> tuple[Change, ...]:
+        """Changes of gains and scheme during the run."""
+        return parse_changes(self.parameters['controller']['changes'])
 
     @property
     def trajectory(self) -> TrajectoryParameters:
@@ -196,7 +203,7 @@ def read_plan(path: Path) -> Plan:
         where = f'{path}: run {number}'
         if not isinstance(entry, Mapping):
             raise PlanError(f'{where} is {entry!r}, it must be a mapping')
-        _refuse_unknown(where, entry, (*_SHORT_KEYS, *STAGES))
+        _refuse_unknown(where, entry, (*_SHORT_KEYS, *STAGES, _CHANGES))
         for combination in _combinations(where, entry):
             runs.append(plan_run(
                 base, combination, where=where, number=len(runs), known=known,
@@ -284,6 +291,8 @@ def plan_run(
     for key, value in entry.items():
         if key in _SHORT_KEYS:
             values[_SHORT_KEYS[key]][key] = value
+    if _CHANGES in entry:
+        values['controller'][_CHANGES] = _changes(where, entry[_CHANGES])
     open_ = _take_out_automatic(values)
     parameters = {stage: _check(where, stage, values[stage]) for stage in STAGES}
     periods = {stage: parameters[stage]['sample_period_s'] for stage in STAGES}
@@ -291,9 +300,36 @@ def plan_run(
         raise PlanError(f'{where}: sample_period_s differs between the nodes: {periods}')
     run = PlannedRun(name, parameters)
     _check_travel(where, run)
+    _check_changes(where, run)
     if open_:
         run = _decided(where, run, open_, known or Known(), score_periods)
     return run if name else replace(run, name=_name(run, number))
+
+
+def _changes(where: str, entries: Any) -> str:
+    """Return the changes of a run as the parameter of the controller wants them."""
+    if not isinstance(entries, list) or not all(isinstance(each, Mapping) for each in entries):
+        raise PlanError(
+            f'{where}: changes is {entries!r}, it must be a list of mappings, each with at_sample')
+    try:
+        return changes_text(entries)
+    except TypeError as error:
+        raise PlanError(f'{where}: changes is {entries!r}: {error}') from None
+
+
+def _check_changes(where: str, run: PlannedRun) -> None:
+    """Refuse changes that cannot be made, or come after the end of the run."""
+    samples = run.trajectory.samples
+    for change in run.changes:
+        if run.bare:
+            raise PlanError(f'{where}: changes: with output voltage there is no controller')
+        if change.at_sample >= samples:
+            raise PlanError(
+                f'{where}: changes: at_sample is {change.at_sample}, the run has {samples} samples')
+    try:
+        segments(run.controller, run.changes, samples)
+    except ParameterError as error:
+        raise PlanError(f'{where}: changes: {error}') from None
 
 
 def _take_out_automatic(values: Mapping[str, dict[str, Any]]) -> tuple[str, ...]:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from piezo_ros.bag import BagError, Run
 from piezo_ros.control import ClosedLoopRun, ControllerParameters, TrajectoryParameters
+from piezo_ros.control.changes import Change, parse_changes, segments, without
 from piezo_ros.control.trajectory import trajectory_blocks
 from piezo_ros.experiment.replay_loop import run_loop
 from piezo_ros.model import HysteresisParameters, ParameterError, ParameterSet, RigParameters
@@ -86,7 +87,8 @@ def replay(
         The recorded run, from its first sample on.
     controller : ControllerParameters or mapping, optional
         Other gains; those of the bag by default. A mapping replaces the parameters it names and
-        leaves the others as recorded, as a file of tuned gains means it.
+        leaves the others as recorded, as a file of tuned gains means it. What is given holds for
+        the whole run: changes that the bag lists leave it alone.
     compensator : HysteresisParameters or mapping, optional
         Another hysteresis to invert.
     scheme : str, optional
@@ -123,18 +125,25 @@ def replay(
     if scheme is not None:
         law = law.replaced(scheme=scheme)
         given['scheme'] = law
-    feedforward_um = _feedforward(run, recorded, reference_um.size, law.uses_feedforward)
+    own_changes = recorded.changes()
+    changes = without(own_changes, _given_of(controller, scheme))
+    needed = any(
+        piece.law.uses_feedforward for piece in segments(law, changes, reference_um.size))
+    feedforward_um = _feedforward(run, recorded, reference_um.size, needed)
     samples = feedforward_um.size
     reference_um = reference_um[:samples]
     period_s = run.sample_period_s
 
-    streams = run_loop(rig, inverted, law, period_s, reference_um, feedforward_um)
+    streams = run_loop(rig, inverted, law, period_s, reference_um, feedforward_um, changes)
     same: dict[str, int] = {}
     if own_controller and own_compensator and own_plant:
         own = streams
-        if (law, inverted, rig) != (own_controller, own_compensator, own_plant):
+        if (law, changes, inverted, rig) != (
+            own_controller, own_changes, own_compensator, own_plant,
+        ):
             own = run_loop(
-                own_plant, own_compensator, own_controller, period_s, reference_um, feedforward_um)
+                own_plant, own_compensator, own_controller, period_s, reference_um, feedforward_um,
+                own_changes)
         same = {
             stream: _same_samples(run.whole(stream)[1], _of(own, stream))
             for stream in run.streams}
@@ -175,6 +184,14 @@ class _Recorded:
         except ParameterError as error:
             raise ParameterError(f'{self._run.path}: {stage}: {error}') from None
 
+    def changes(self) -> tuple[Change, ...]:
+        """Return the changes of gains and scheme during the run."""
+        values = self.parameters('controller') or {}
+        try:
+            return parse_changes(str(values.get('changes', '')))
+        except ParameterError as error:
+            raise ParameterError(f'{self._run.path}: controller: {error}') from None
+
     def required(self, stage: str, value: _Set | None) -> _Set:
         """Return a stage that there must be."""
         if value is None:
@@ -183,6 +200,18 @@ class _Recorded:
                 f'{self._run.path} tells nothing of the {stage} in the namespace '
                 f'{self._run.namespace} (nodes with parameters: {known}); it must be given')
         return value
+
+
+def _given_of(
+    controller: ControllerParameters | Mapping[str, Any] | None, scheme: str | None,
+) -> set[str]:
+    """Return the parameters of the controller that are given for the whole run."""
+    names = {'scheme'} if scheme is not None else set()
+    if isinstance(controller, ControllerParameters):
+        names.update(controller.to_mapping())
+    elif controller is not None:
+        names.update(controller)
+    return names
 
 
 def _replaced(

@@ -1,11 +1,13 @@
 """The loop closed offline around a given reference and feedforward, with the steps of the nodes."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from piezo_ros.control import ClosedLoopRun, ControllerParameters, controller
+from piezo_ros.control.changes import Change, segments
 from piezo_ros.model import HysteresisParameters, RigParameters, hysteresis, rig
 from piezo_ros.model.compiled import kernel
 from piezo_ros.model.noise import unit_noise
@@ -25,6 +27,7 @@ def run_loop(
     sample_period_s: float,
     reference_um: NDArray[np.float64],
     feedforward_um: NDArray[np.float64],
+    changes: Sequence[Change] = (),
 ) -> ClosedLoopRun:
     """
     Return every stream of a run; bit for bit what the live graph gives for the same two streams.
@@ -41,6 +44,8 @@ def run_loop(
         Sample period, seconds.
     reference_um, feedforward_um : ndarray, shape (N,)
         What the trajectory sends.
+    changes : sequence of Change, optional
+        Changes of gains and scheme during the run.
 
     """
     samples = reference_um.size
@@ -48,15 +53,17 @@ def run_loop(
         np.array(reference_um), np.array(feedforward_um),
         np.empty(samples), np.empty(samples), np.empty(samples + 1))
     constants = rig.rig_constants(plant, sample_period_s)
-    _loop(
-        controller.initial_state(law, np.array),
-        rig.as_arrays(controller.controller_constants(law, sample_period_s)),
-        np.zeros(len(compensator.saturation_v)),
-        rig.as_arrays(hysteresis.hysteresis_constants(compensator)),
-        rig.initial_state(constants, np.array),
-        rig.as_arrays(constants),
-        unit_noise(plant.seed, 0, samples + 1),
-        run)
+    memory = controller.initial_state(law, np.array)
+    play_um = np.zeros(len(compensator.saturation_v))
+    inverse = rig.as_arrays(hysteresis.hysteresis_constants(compensator))
+    stage, stage_constants = rig.initial_state(constants, np.array), rig.as_arrays(constants)
+    noise = unit_noise(plant.seed, 0, samples + 1)
+    for start, stop, piece in segments(law, changes, samples):
+        if start:
+            controller.prepare_transfer(memory)
+        _loop(
+            memory, rig.as_arrays(controller.controller_constants(piece, sample_period_s)),
+            play_um, inverse, stage, stage_constants, noise, run, start, stop)
     return run
 
 
@@ -64,11 +71,13 @@ def run_loop(
 def _loop(
     controller_state: Any, controller_constants: Any, compensator_play_um: NDArray[np.float64],
     compensator_constants: Any, rig_state: Any, rig_constants: Any, noise: NDArray[np.float64],
-    run: Any,
+    run: Any, start: int, stop: int,
 ) -> None:
-    measured_um = _measure_step(rig_constants, rig_state.displacement_um[0], noise[0])
-    run.displacement_um[0] = measured_um
-    for k in range(run.reference_um.size):
+    if start == 0:
+        run.displacement_um[0] = _measure_step(
+            rig_constants, rig_state.displacement_um[0], noise[0])
+    measured_um = run.displacement_um[start]
+    for k in range(start, stop):
         command_um = _controller_step(
             controller_state, controller_constants, k, run.reference_um[k], run.feedforward_um[k],
             measured_um)

@@ -1,19 +1,25 @@
 """The controller: reference, feedforward and displacement in, linearised command out."""
 
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
 
+from piezo_ros.control.changes import CHANGEABLE, ChangeParameters, parse_changes
 from piezo_ros.control.controller import (
     AUTO,
     ControllerParameters,
     controller_constants,
     controller_step,
     initial_state,
+    prepare_transfer,
+    recall_measurement,
 )
 from piezo_ros.experiment.node_parameters import DemandParameters
+from piezo_ros.model.parameters import ParameterError
 from piezo_ros.nodes.demand import DemandWriter
+from piezo_ros.nodes.law_schedule import LawSchedule
 from piezo_ros.nodes.parameters import read
 from piezo_ros.nodes.stage import Stage
 from piezo_ros.nodes.streams import StreamFault
@@ -26,15 +32,18 @@ class Controller(Stage):
     Sends v[k] once y_d[k], u_ff[k] and, with feedback, y[k] are there.
 
     Without feedback it follows the blocks of the trajectory; the displacement then only paces the
-    demand.
+    demand. Changes of gains and scheme are made between two samples, see
+    `piezo_ros.nodes.law_schedule`.
     """
 
     inputs = ('reference', 'feedforward', 'displacement')
     outputs = ('command',)
 
     def __init__(self, *, compiled: bool = False) -> None:
-        super().__init__('controller', compiled=compiled)
         self._chosen_scheme = ''
+        self._schedule = LawSchedule(ControllerParameters(), ())
+        self._first = 0
+        super().__init__('controller', compiled=compiled)
 
     def configure(self) -> None:
         """Make the constants of the control law; decide what the scheme auto stands for."""
@@ -42,8 +51,14 @@ class Controller(Stage):
         if self._law.scheme == AUTO:
             self._choose_scheme()
         self._flow = read(self, DemandParameters)
-        self._constants = controller_constants(
-            self._law, self.settings.sample_period_s)
+        changes = read(self, ChangeParameters)
+        if changes.apply_at_sample >= 0:
+            raise ParameterError(
+                f'apply_at_sample is {changes.apply_at_sample}; it belongs to a change during a '
+                'run, what is known before goes into changes')
+        self._listed_changes = parse_changes(changes.changes)
+        self._schedule = LawSchedule(self._law, self._listed_changes)
+        self._schedule.laws()  # refuses what does not go together
 
     def _choose_scheme(self) -> None:
         """Take the scheme that auto stands for, as the parameter, so that bags tell of it too."""
@@ -63,21 +78,25 @@ class Controller(Stage):
         return super().on_cleanup(state)
 
     def status_fields(self) -> dict[str, Any]:
-        """Return the scheme that is in use."""
-        return {'scheme': self._law.scheme}
+        """Return the scheme that is in use, and the sample from which it and the gains hold."""
+        changed_at = self._schedule.changed_at
+        return {
+            'scheme': self._schedule.law.scheme,
+            'changed_at': None if changed_at is None else changed_at + self._first}
 
     def create_endpoints(self) -> None:
         """Create the publisher of the demand."""
         self._demand = DemandWriter(self, self._flow.lookahead_samples)
 
     def required_inputs(self) -> tuple[str, ...]:
-        """Return what the scheme needs; the displacement paces every scheme."""
-        if self._law.uses_feedforward:
+        """Return what the scheme, or one that is to come, needs; every one needs displacement."""
+        if any(law.uses_feedforward for law in self._schedule.laws()):
             return self.inputs
         return ('reference', 'displacement')
 
     def start(self) -> None:
         """Forget everything and ask for the first samples."""
+        self._schedule = LawSchedule(self._law, self._listed_changes)
         self._memory = initial_state(self._law)
         self._reference = self.readers['reference']
         self._feedforward = self.readers['feedforward']
@@ -85,18 +104,84 @@ class Controller(Stage):
         self._command = self.writers['command']
         # A feedforward that the scheme does not use is taken all the same while somebody sends it.
         self._has_feedforward = self._feedforward.subscription.get_publisher_count() > 0
-        self._index = 0
+        self._first = max(self.settings.start_index, 0)
+        self._index = 0  # from the first sample of the run on
         self._commands_ended = False
+        # What must be done before the next sample can be; None for nothing.
+        self._prepare: Callable[[], bool] | None = None
+        if self.settings.start_index < 0:
+            self._prepare = self._join
+        self._use_law()
         self._demand.start(0)
+
+    def _use_law(self) -> None:
+        law = self._schedule.law
+        self._constants = controller_constants(law, self.settings.sample_period_s)
+        self._closes_loop = law.uses_feedback
 
     def poll(self) -> bool:
         """Send every command that can be computed now."""
-        if self._law.uses_feedback:
+        if self._prepare is not None:
+            if not self._prepare():
+                return self._check_end()
+            self._prepare = None
+        if self._closes_loop:
             progress = self._poll_feedback()
         else:
             progress = self._poll_blocks()
         self._demand.update(self._displacement.next_index)
         return progress
+
+    def begin_at(self, index: int) -> None:
+        """Wait for the other streams: the run begins where all of them have begun."""
+
+    def _join(self) -> bool:
+        """Drop what comes before the first sample that all streams have; return whether it came."""
+        readers = [self._reference]
+        if self._closes_loop:
+            readers.append(self._displacement)
+        if self._has_feedforward:
+            readers.append(self._feedforward)
+        for reader in readers:
+            if not reader.queue and not reader.fill():
+                return False
+        first = max(reader.queue_index for reader in readers)
+        for reader in readers:
+            reader.drop_before(first)
+        if not all(reader.queue for reader in readers):
+            return False
+        self._first = first
+        self._command.begin_at(first)
+        return True
+
+    def _change(self) -> None:
+        """Go over to the law that holds from the next sample on."""
+        had_feedback = self._closes_loop
+        self._schedule.apply()
+        if self._index:
+            prepare_transfer(self._memory)
+        self._use_law()
+        if self._closes_loop and not had_feedback:
+            self._prepare = self._recall
+        law = self._schedule.law
+        self.get_logger().info(
+            f'from sample {self._first + self._index} on: {law.scheme}, '
+            f'kP {law.proportional_gain:g}, kI {law.integral_gain_per_s:g} 1/s')
+        self._report('active')
+
+    def _recall(self) -> bool:
+        """Tell the controller what was measured lately, without feedback; return whether all is."""
+        displacement = self._displacement
+        if displacement.queue_index + len(displacement.queue) < self._first + self._index:
+            displacement.fill()
+        while displacement.queue and displacement.queue_index < self._first + self._index:
+            index = displacement.queue_index - self._first
+            recall_measurement(self._memory, index, displacement.queue.popleft())
+        if displacement.queue_index > self._first + self._index:
+            raise StreamFault(
+                f'{displacement.subscription.topic_name} begins at sample '
+                f'{displacement.queue_index}, feedback at sample {self._first + self._index}')
+        return displacement.queue_index == self._first + self._index
 
     def _poll_feedback(self) -> bool:
         displacement, reference = self._displacement, self._reference
@@ -104,6 +189,10 @@ class Controller(Stage):
         if not displacement.queue and displacement.fill():
             progress = True
         while displacement.queue and self._next_target():
+            if self._index == self._schedule.change_at:
+                self._change()
+                if not self._closes_loop:
+                    return True
             reference_um = reference.queue.popleft()
             feedforward_um = self._feedforward.queue.popleft() if self._has_feedforward else 0.0
             self._command.publish_one(controller_step(
@@ -115,12 +204,20 @@ class Controller(Stage):
 
     def _poll_blocks(self) -> bool:
         progress = self._displacement.fill()
-        self._displacement.queue.clear()
+        # A scheme that is to come may ask for the last measurements before its first sample.
+        slots = len(self._memory.measured_um)
+        self._displacement.drop_before(self._first + self._index - slots)
         if self._next_target():
+            if self._index == self._schedule.change_at:
+                self._change()
+                if self._closes_loop:
+                    return True
             reference, feedforward = self._reference.queue, self._feedforward.queue
             count = len(reference)
             if self._has_feedforward:
                 count = min(count, len(feedforward))
+            if self._schedule.change_at > self._index:
+                count = min(count, self._schedule.change_at - self._index)
             commands = []
             for _ in range(count):
                 feedforward_um = feedforward.popleft() if self._has_feedforward else 0.0
@@ -171,3 +268,39 @@ class Controller(Stage):
                 raise StreamFault(
                     f'{waiting} samples of {reader.subscription.topic_name} wait, allowed are '
                     f'{self._flow.max_buffer_samples}')
+
+    def change_parameters(self, changes: Mapping[str, Any]) -> str:
+        """Schedule new gains and another scheme of a running controller."""
+        at_sample = int(changes.get('apply_at_sample', -1))
+        values = {name: changes[name] for name in CHANGEABLE if name in changes}
+        if at_sample >= 0 and not (self.running and values):
+            return (
+                f'apply_at_sample is {at_sample}; it goes with gains or scheme in one call of '
+                'set_parameters_atomically, during a run')
+        if not (self.running and values):
+            return ''
+        refusals: list[str] = []
+        self.between_samples(lambda: refusals.append(self._schedule_change(at_sample, values)))
+        return refusals[0]
+
+    def _schedule_change(self, at_sample: int, values: Mapping[str, Any]) -> str:
+        """Add a change between two samples; return why not, '' if it was added."""
+        next_index = self._first + self._index
+        if at_sample < 0:
+            at_sample = next_index
+        elif at_sample < next_index:
+            return f'apply_at_sample is {at_sample}; the next sample is {next_index} already'
+        try:
+            if not self._has_feedforward and self._schedule.law.replaced(**values).uses_feedforward:
+                return (
+                    f'scheme is {values.get("scheme")!r}, and nobody sends '
+                    f'{self._feedforward.subscription.topic_name}')
+            self._schedule.add(at_sample - self._first, values)
+        except ParameterError as error:
+            return str(error)
+        return ''
+
+    def parameters_changed(self) -> None:
+        """Forget the sample of a change; it holds for one call alone."""
+        if self.get_parameter('apply_at_sample').value != -1:
+            self.set_parameters([Parameter('apply_at_sample', value=-1)])

@@ -250,6 +250,20 @@ class StreamReader:
         self.queue.extend(samples)
         return True
 
+    @property
+    def queue_index(self) -> int:
+        """Index of the first sample that waits in the queue, or of the next to come."""
+        return self.next_index - len(self.queue)
+
+    def drop_before(self, index: int) -> None:
+        """Drop the samples of the queue whose index is smaller."""
+        count = index - self.queue_index
+        if count >= len(self.queue):
+            self.queue.clear()
+        else:
+            for _ in range(count):
+                self.queue.popleft()
+
     def check_writer(self) -> None:
         """
         Look whether the stream still has exactly one writer.

@@ -1,3 +1,5 @@
+import datetime
+import json
 import math
 
 import pytest
@@ -58,6 +60,14 @@ def test_a_run_overrides_a_parameter_file_and_a_short_key_overrides_both(write_p
     assert (first.plant.seed, first.plant.gain_mismatch) == (5, -0.0586)
     assert (first.controller.scheme, first.controller.proportional_gain) == ('fb', 0.1)
     assert (second.plant.seed, second.controller.scheme) == (1, 'ff')
+
+
+def test_changes_of_a_run_are_a_parameter_of_its_controller(write_plan):
+    entries = [{'at_sample': 5, 'scheme': 'fb'}, {'at_sample': 9, 'proportional_gain': 0.5}]
+    (run,) = read_plan(write_plan(runs=[{'scheme': 'ff', 'changes': entries}])).runs
+    assert [(change.at_sample, change.values) for change in run.changes] == [
+        (5, {'scheme': 'fb'}), (9, {'proportional_gain': 0.5})]
+    assert json.loads(run.parameters['controller']['changes']) == entries
 
 
 def test_a_list_of_a_node_stays_a_list(write_plan):
@@ -123,6 +133,19 @@ def test_title_and_scored_periods_have_defaults(write_plan):
     ({'parameter_files': ['.']}, ['Is a directory']),
     ({'runs': [{'plant': {'gain_mismatch': 11}}]}, ['gain_mismatch is 11.0, allowed is -0.9 … 10']),
     ({'runs': [{'periods': 1e9, 'frequency_hz': 1e-3}]}, ['indices end at']),
+    ({'runs': [{'changes': {'at_sample': 3}}]}, ['run 1: changes is', 'must be a list of map']),
+    ({'runs': [{'changes': [{'scheme': 'ff'}]}]}, ['run 1: controller: changes: at_sample is No']),
+    ({'runs': [{'changes': [{'at_sample': 1, 'seed': 2}]}]}, ['seed cannot change during a run']),
+    ({'runs': [{'changes': [{'at_sample': 1, 'scheme': math.nan}]}]}, ['scheme is nan']),
+    ({'runs': [{'changes': [{'at_sample': 1, 'scheme': datetime.date(2024, 1, 1)}]}]},
+     ['run 1: changes is', 'not JSON serializable']),
+    ({'runs': [{'periods': 5, 'changes': [{'at_sample': 1667, 'scheme': 'fb'}]}]},
+     ['at_sample is 1667, the run has 1667 samples']),
+    ({'runs': [{'output': 'voltage', 'changes': [{'at_sample': 1, 'scheme': 'fb'}]}]},
+     ['changes: with output voltage there is no controller']),
+    ({'runs': [{'controller': {'command_minimum_um': 0.0},
+                'changes': [{'at_sample': 1, 'command_maximum_um': 0.0}]}]},
+     ['run 1: changes: command_minimum_um is 0.0 um']),
 ])
 def test_a_plan_that_cannot_be_run_is_refused_by_file_run_key_and_value(
         write_plan, keys, fragments):

@@ -9,6 +9,7 @@ import pytest
 import yaml
 
 from piezo_ros.bag import read
+from piezo_ros.experiment.replay import replay
 
 ROOT = Path(__file__).parents[2]
 RUNS = [
@@ -18,6 +19,13 @@ RUNS = [
      'dwell_s': 0.01, 'trajectory': {'frequencies_hz': [500.0, 2000.0]}},
     {'scheme': 'fb', 'periods': 2},
     {'scheme': 'ff', 'periods': 2, 'plant': {'noise_rms_um': 0.0}},
+    {'scheme': 'ff', 'periods': 2, 'changes': [
+        {'at_sample': 250, 'scheme': 'fbff', 'proportional_gain': 0.4},
+        {'at_sample': 251, 'integral_gain_per_s': 3000.0},
+        {'at_sample': 400, 'scheme': 'open_loop'},
+        {'at_sample': 550, 'scheme': 'fb', 'command_maximum_um': 0.5}]},
+    {'scheme': 'open_loop', 'periods': 1, 'controller': {'measurement_delay_samples': 3},
+     'changes': [{'at_sample': 2, 'scheme': 'fb'}, {'at_sample': 300, 'scheme': 'ff'}]},
 ]
 
 
@@ -48,6 +56,8 @@ def test_runs_of_every_kind_follow_each_other_with_the_bits_of_the_offline_simul
         for stream in run.streams:
             np.testing.assert_array_equal(run.whole(stream)[1], expected.whole(stream)[1])
         assert len(run.parameters) == (2 if 'bare' in bag.name else 4)
+        if 'bare' not in bag.name:
+            assert replay(run).is_faithful
     assert not rig.nodes()
 
 

@@ -1,0 +1,192 @@
+"""
+Changes of gains and scheme during a run, listed by the sample from which they hold.
+
+What is listed is part of the run: live and offline it gives the same bits. A change is bumpless:
+with feedback the integral is preset so that the command goes on from the one before; a scheme
+without feedback has nothing to hold a difference with, and its command is its own at once.
+"""
+
+import dataclasses
+import itertools
+import json
+from collections.abc import Container, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+from piezo_ros.control.controller import AUTO, ControllerParameters
+from piezo_ros.model.parameters import ParameterError, ParameterSet, constraint_of, parameter
+
+__all__ = [
+    'CHANGEABLE',
+    'Change',
+    'ChangeParameters',
+    'Segment',
+    'changed_law',
+    'changes_text',
+    'parse_changes',
+    'segments',
+    'without',
+]
+
+# The parameters of the controller that may change during a run.
+CHANGEABLE = tuple(
+    field.name for field in dataclasses.fields(ControllerParameters)
+    if constraint_of(field).change == 'running')
+_AT = 'at_sample'
+
+
+@dataclass(frozen=True, kw_only=True)
+class ChangeParameters(ParameterSet):
+    """Which gains and which scheme hold from which sample on."""
+
+    changes: str = parameter(
+        '', '', 'changes during every run, a JSON list such as [{"at_sample": 5000, "scheme": '
+        '"ff"}], by the index from the first sample of the run; empty for none')
+    apply_at_sample: int = parameter(
+        -1, '', 'sample at which gains and scheme take effect that the same atomic call sets '
+        'during a run; -1: the next; holds for that call alone',
+        minimum=-1, maximum=2**53, change='running')
+
+    def check_together(self) -> None:
+        """Refuse a list that cannot be read."""
+        parse_changes(self.changes)
+
+
+class Change(NamedTuple):
+    """What changes at one sample."""
+
+    at_sample: int
+    values: dict[str, Any]
+
+
+class Segment(NamedTuple):
+    """Samples ``start`` to ``stop`` (exclusive) under one law."""
+
+    start: int
+    stop: int
+    law: ControllerParameters
+
+
+def parse_changes(text: str) -> tuple[Change, ...]:
+    """
+    Read a list of changes.
+
+    Parameters
+    ----------
+    text : str
+        JSON: a list of objects, each with ``at_sample`` and some of `CHANGEABLE`; '' for none.
+
+    Returns
+    -------
+    tuple of Change
+        In the order of their samples.
+
+    Raises
+    ------
+    ParameterError
+        If it is no such list, or a value is out of range.
+
+    """
+    if not text.strip():
+        return ()
+    try:
+        entries = json.loads(text)
+    except ValueError as error:
+        raise ParameterError(f'changes is {text!r}, which is no JSON: {error}') from None
+    if not isinstance(entries, list):
+        raise ParameterError(f'changes is {text!r}, it must be a list')
+    changes = [_change(entry) for entry in entries]
+    for earlier, later in itertools.pairwise(changes):
+        if earlier.at_sample >= later.at_sample:
+            raise ParameterError(
+                f'changes has at_sample {later.at_sample} after {earlier.at_sample}, the samples '
+                'must ascend')
+    return tuple(changes)
+
+
+def _change(entry: Any) -> Change:
+    if not isinstance(entry, Mapping):
+        raise ParameterError(f'changes has {entry!r}, it must be a mapping with {_AT}')
+    at_sample = entry.get(_AT)
+    if isinstance(at_sample, bool) or not isinstance(at_sample, int) or at_sample < 0:
+        raise ParameterError(
+            f'changes: {_AT} is {at_sample!r}, it must be a sample, an integer from 0 on')
+    values = {str(name): value for name, value in entry.items() if name != _AT}
+    if not values:
+        raise ParameterError(f'changes: nothing changes at sample {at_sample}')
+    for name in values:
+        if name not in CHANGEABLE:
+            raise ParameterError(
+                f'changes: {name} cannot change during a run; what can is {", ".join(CHANGEABLE)}')
+    # Each value alone; whether they go together depends on the law that they change.
+    for name, value in values.items():
+        changed_law(ControllerParameters(command_minimum_um=-1e4, command_maximum_um=1e4),
+                    {name: value})
+    return Change(at_sample, values)
+
+
+def changed_law(law: ControllerParameters, values: Mapping[str, Any]) -> ControllerParameters:
+    """
+    Return a law with some values changed.
+
+    Raises
+    ------
+    ParameterError
+        If the values do not go together, or the scheme is auto, which is decided before a run.
+
+    """
+    changed = law.replaced(**values)
+    if changed.scheme == AUTO:
+        raise ParameterError('scheme auto is decided before a run; a change names a scheme')
+    return changed
+
+
+def changes_text(entries: Iterable[Mapping[str, Any]]) -> str:
+    """Return a list of changes as the parameter wants it."""
+    entries = [dict(entry) for entry in entries]
+    return json.dumps(entries) if entries else ''
+
+
+def segments(
+    law: ControllerParameters, changes: Sequence[Change], samples: int,
+) -> list[Segment]:
+    """
+    Cut a run into pieces under one law each.
+
+    Parameters
+    ----------
+    law : ControllerParameters
+        What holds at the start.
+    changes : sequence of Change
+        In the order of their samples; those after the run are left out.
+    samples : int
+        Length of the run.
+
+    Raises
+    ------
+    ParameterError
+        If the values of a change do not go together.
+
+    """
+    starts = [0]
+    laws = [law]
+    for change in changes:
+        law = changed_law(law, change.values)
+        if change.at_sample >= samples:
+            continue
+        if change.at_sample == starts[-1]:
+            laws[-1] = law
+        else:
+            starts.append(change.at_sample)
+            laws.append(law)
+    return [
+        Segment(start, stop, piece)
+        for start, stop, piece in zip(starts, [*starts[1:], samples], laws, strict=True)]
+
+
+def without(changes: Sequence[Change], names: Container[str]) -> tuple[Change, ...]:
+    """Return changes that leave some parameters alone."""
+    kept = (
+        Change(at_sample, {name: value for name, value in values.items() if name not in names})
+        for at_sample, values in changes)
+    return tuple(change for change in kept if change.values)
