@@ -35,7 +35,7 @@ class Process:
         self._output = output
         with output.open('wb') as file:
             self._popen = subprocess.Popen(
-                [sys.executable, '-m', *arguments], stdin=subprocess.DEVNULL, stdout=file,
+                [sys.executable, *arguments], stdin=subprocess.DEVNULL, stdout=file,
                 stderr=subprocess.STDOUT, start_new_session=True, env=environment,
                 # Tests started in the background inherit that SIGINT is ignored.
                 preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL))
@@ -113,7 +113,14 @@ class Rig:
         """Start one node executable with its whole command line."""
         return self._start('piezo_ros.nodes.executables', executable, *words)
 
+    def start_file(self, path, *words):
+        """Start a Python file, as a foreign node is."""
+        return self._spawn([str(path), *words])
+
     def _start(self, *arguments):
+        return self._spawn(['-m', *arguments])
+
+    def _spawn(self, arguments):
         output = self.directory / f'output_{len(self._processes)}.txt'
         process = Process(arguments, output, self.environment)
         self._processes.append(process)

@@ -11,7 +11,9 @@ from piezo_ros.experiment.launching import LAUNCH_FILES, node_processes
 from piezo_ros.experiment.offline import simulate_run
 from piezo_ros.experiment.plan import read_plan
 
-CONFIG = Path(__file__).parents[2] / 'config'
+ROOT = Path(__file__).parents[2]
+CONFIG = ROOT / 'config'
+EXAMPLE = ROOT / 'docs' / 'examples' / 'gain_plant.py'
 
 
 def launch(rig, **given):
@@ -61,3 +63,23 @@ def test_two_rigs_in_two_namespaces_give_the_numbers_that_they_give_alone(rig, a
         assert {
             node.rpartition('/')[0] for node in recorded.parameters
         } == {f'{rig.namespace}/{name}'}
+
+
+def test_a_foreign_plant_takes_its_place_in_the_loop(rig):
+    """The plant of the documentation, which knows nothing of this package."""
+    bag = rig.directory / 'bag'
+    plant = rig.start_file(
+        EXAMPLE, '--ros-args', '-r', f'__ns:={rig.namespace}', '-p', 'required_readers:=2',
+        '-p', 'gain_um_per_v:=1.25', '-p', 'delay_samples:=3')
+    started = launch(
+        rig, namespace=rig.namespace, record='true', bag_directory=str(bag), without='plant',
+        scheme='fbff', periods='2.0')
+    assert [*started] == ['recorder', 'compensator', 'controller', 'trajectory']
+    assert started['recorder'].wait() == 0, started['recorder'].output
+    assert plant.wait() == 0, plant.output
+    run = read(bag)
+    assert run.samples == 667
+    voltage_v, displacement_um = (run.whole(stream)[1] for stream in ('voltage', 'displacement'))
+    np.testing.assert_array_equal(displacement_um[:4], 0.0)
+    np.testing.assert_array_equal(displacement_um[4:], 1.25 * voltage_v[:-3])
+    assert run.parameters[f'{rig.namespace}/plant']['delay_samples'] == 3

@@ -1,0 +1,124 @@
+"""``piezo check``: a node against the contract of its topics, a plan against its rig."""
+
+import argparse
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from piezo_ros.experiment.errors import PlanError
+
+if TYPE_CHECKING:
+    from piezo_ros.nodes.contract import Finding
+
+__all__ = ['add_command']
+
+STAGES: Final = ('plant', 'compensator', 'controller')
+_EXAMPLES: Final = """\
+examples:
+  piezo check plant                              the plant that runs, alone, in this domain
+  piezo check plant --start my_driver --port 3   start my_driver afresh for every fault
+  piezo check controller --namespace rig_a --sample-period-s 1e-4
+  piezo check config/experiments/demo.yaml       travel, rails and slew of a plan
+
+A plant is driven with a sine of --amplitude around its operating point, for some 150 samples.
+Blocks that must be refused are sent in between, NaN among them: a driver that takes them drives
+its hardware with them.
+"""
+_WORDS: Final = {True: 'ok', False: 'WRONG', None: 'unknown'}
+
+
+def add_command(commands: Any) -> None:
+    """Add the command to the parser."""
+    parser = commands.add_parser(
+        'check', help='a node against the contract of its topics; a plan against its rig',
+        epilog=_EXAMPLES, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument(
+        'what', metavar='plant|compensator|controller|PLAN',
+        help='the kind of node, or a plan file (YAML)')
+    parser.add_argument('--namespace', default='', metavar='NS', help='namespace of the node')
+    parser.add_argument(
+        '--amplitude', type=float, default=0.1, metavar='A',
+        help='what the node is driven with, V or um (default: 0.1)')
+    parser.add_argument(
+        '--sample-period-s', type=float, metavar='T',
+        help='sample period (default: that of the plant, 1e-5 for the others)')
+    parser.add_argument(
+        '--discovery-s', type=float, default=15.0, metavar='T',
+        help='how long the node may take to appear (default: 15)')
+    parser.add_argument(
+        '--patience-s', type=float, default=5.0, metavar='T',
+        help='how long an answer may take (default: 5)')
+    parser.add_argument(
+        '--watchdog-s', type=float, default=5.0, metavar='T',
+        help='how long the plant may go on without voltage (default: 5)')
+    parser.add_argument(
+        '--start', nargs=argparse.REMAINDER, metavar='COMMAND', default=[],
+        help='start the node by this command, afresh for every fault; all words behind it are its '
+        'own')
+    parser.set_defaults(function=_check)
+
+
+def _check(options: argparse.Namespace) -> int:
+    if options.what in STAGES:
+        return _check_node(options)
+    if options.start:
+        print(
+            f'piezo: {options.what} is none of {", ".join(STAGES)}; only these are started by a '
+            'command', file=sys.stderr)
+        return 2
+    return _check_plan(Path(options.what))
+
+
+def _check_node(options: argparse.Namespace) -> int:
+    try:
+        from piezo_ros.nodes.contract import CheckSettings
+        from piezo_ros.nodes.contract_session import check_command, check_running
+    except ImportError as error:
+        print(f'piezo check {options.what} needs ROS 2 ({error})', file=sys.stderr)
+        return 1
+    period_s = options.sample_period_s
+    if period_s is None and options.what != 'plant':
+        period_s = 1e-5
+    settings = CheckSettings(
+        options.amplitude, period_s, options.discovery_s, options.patience_s, options.watchdog_s)
+    if options.start:
+        try:
+            findings = check_command(
+                options.what, options.start, settings,
+                lambda what: print(f'checking: {what}', file=sys.stderr))
+        except OSError as error:
+            print(f'piezo: cannot start {options.start[0]}: {error.strerror}', file=sys.stderr)
+            return 1
+    else:
+        findings = check_running(options.what, options.namespace, settings)
+    return _tell(findings)
+
+
+def _tell(findings: 'list[Finding]') -> int:
+    for finding in findings:
+        detail = f': {finding.detail}' if finding.detail else ''
+        print(f'{_WORDS[finding.right]:8} {finding.what}{detail}')
+    wrong = sum(finding.right is False for finding in findings)
+    unknown = sum(finding.right is None for finding in findings)
+    print(
+        f'{len(findings)} checks, {wrong} wrong' + (f', {unknown} unknown' if unknown else ''))
+    return 1 if wrong else 0
+
+
+def _check_plan(path: Path) -> int:
+    if not path.is_file():
+        print(
+            f'piezo: {path} is neither {", ".join(STAGES)} nor a plan file', file=sys.stderr)
+        return 2
+    from piezo_ros.experiment.plan import read_plan
+    from piezo_ros.experiment.plan_check import check_plan
+    try:
+        demands = check_plan(read_plan(path))
+    except PlanError as error:
+        print(f'piezo: {error}', file=sys.stderr)
+        return 2
+    for demand in demands:
+        print(demand.text)
+    beyond = sum(demand.beyond for demand in demands)
+    print(f'{len(demands)} runs, {beyond} beyond what the rig can do')
+    return 1 if beyond else 0
