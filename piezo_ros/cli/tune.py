@@ -9,11 +9,11 @@ from piezo_ros import paper
 from piezo_ros.experiment.automatic import AUTO
 from piezo_ros.experiment.errors import PlanError
 from piezo_ros.experiment.model_file import read_bound, read_node_model
+from piezo_ros.experiment.published import published_bound
 from piezo_ros.model import DynamicsParameters, LinearDynamics
 
 if TYPE_CHECKING:
-    import control
-
+    from piezo_ros.identification.linear_plant import Bound
     from piezo_ros.identification.loop_shape import LoopShape
 
 __all__ = ['add_command']
@@ -140,15 +140,10 @@ def _tune(options: argparse.Namespace) -> int:
     return 0
 
 
-def _bound(path: Path | None) -> 'control.TransferFunction | None':
-    import control
+def _bound(path: Path | None) -> 'Bound | None':
     if path == _NO_BOUND:
         return None
-    if path:
-        return read_bound(path)
-    w = paper.UNCERTAINTY_BOUND
-    return control.zpk(
-        [-w['zero_rad_per_s']] * 2, [-w['pole_1_rad_per_s'], -w['pole_2_rad_per_s']], w['gain'])
+    return read_bound(path) if path else published_bound
 
 
 def _table(shapes: 'dict[str, LoopShape]') -> str:

@@ -17,27 +17,31 @@ from numpy.typing import NDArray
 from piezo_ros import paper
 from piezo_ros.bag import Run
 from piezo_ros.control import ControllerParameters, TrajectoryParameters
+from piezo_ros.experiment.automatic import known_rig
 from piezo_ros.experiment.plan import PlannedRun, plan_run
+from piezo_ros.experiment.published import published_bound
 from piezo_ros.experiment.recorded_models import recorded_parameters, recorded_response
 from piezo_ros.experiment.tracking_table import SCHEMES, table_cells
 from piezo_ros.identification import (
     DynamicsFit,
     FrequencyResponse,
     HysteresisFit,
+    OperatingPoint,
     UncertaintyBound,
     crossing_frequency_hz,
+    equal_error_frequency_hz,
     fit_dynamics,
     fit_hysteresis,
     merge,
+    predict_operating_points,
     uncertainty_bound,
 )
-from piezo_ros.identification.harmonics import HarmonicsChoice, choose_harmonics
 from piezo_ros.identification.loop_shape import LoopShape, loop_shape
 from piezo_ros.identification.tuning import PiTuning, tune_pi
 from piezo_ros.model import HysteresisParameters, LinearDynamics, RigParameters
 from piezo_ros.report.metrics import Nonlinearity, nonlinearity, nrmse, tail
 
-__all__ = ['Crossing', 'PaperResults', 'StaticLoop', 'run_paper_study']
+__all__ = ['Crossing', 'HarmonicsTrial', 'PaperResults', 'StaticLoop', 'run_paper_study']
 
 Execute = Callable[[Sequence[PlannedRun]], Iterator[Run]]
 _Floats = NDArray[np.float64]
@@ -45,10 +49,18 @@ _Floats = NDArray[np.float64]
 SCORE_PERIODS: Final = 4.0
 PERIODS: Final = 15.0
 _PERCENT: Final = 100.0
+_SWEEP: Final = {'waveform': 'stepped_sine', 'harmonics': 0, 'dwell_s': 0.02}
 # The static experiments are slow and sampled slowly, as in the paper.
 _STATIC: Final = {'sample_period_s': 1e-4}
 _SINE_FREQUENCIES_HZ: Final = tuple(float(f) for f in range(300, 951, 50))
 _RESPONSE_FREQUENCIES_HZ: Final = tuple(float(f'{f:.4g}') for f in np.geomspace(20.0, 2000.0, 20))
+# Creep shows below, where sampling slowly is enough.
+_SLOW_FREQUENCIES_HZ: Final = (1.0, 2.0, 5.0, 10.0)
+_SLOW: Final = {'sample_period_s': 1e-3}
+# Piezo ceramics creep by one or two percent per decade; the paper has no number.
+CREEP: Final = {'creep_per_decade': 0.02, 'creep_start_s': 1e-3}
+_TRIED_HARMONICS: Final = (1, 3, 5, 7, 9, 11, 15, 21, 31, 41)
+_TRIED_CELLS: Final = tuple((a, f) for f in (300.0, 800.0) for a in (0.5, 1.5, 2.5))
 _WIDE_FREQUENCIES_HZ: Final = tuple(float(f'{f:.4g}') for f in np.geomspace(20.0, 8000.0, 30))
 _LOOP_FREQUENCIES_HZ: Final = tuple(float(f'{f:.4g}') for f in np.geomspace(100.0, 2000.0, 12))
 _IDENTIFICATION_AMPLITUDES_UM: Final = (0.1, 0.2, 0.4)
@@ -77,6 +89,8 @@ class Crossing:
         Peak amplitude.
     frequency_hz, ff_percent, fbff_percent : ndarray, shape (F,)
         NRMSE under both schemes.
+    predicted_hz : float
+        Where the identified models foresee the crossing; NaN where none.
     crossing_hz : float
         Where the two are equal; NaN where they nowhere are.
 
@@ -86,13 +100,40 @@ class Crossing:
     frequency_hz: _Floats
     ff_percent: _Floats
     fbff_percent: _Floats
+    predicted_hz: float = math.nan
 
     @property
     def crossing_hz(self) -> float:
         """Frequency from which on feedback does harm, interpolated."""
         crossing_hz = crossing_frequency_hz(
             self.frequency_hz, self.ff_percent, self.fbff_percent)
-        return crossing_hz if 0.0 < crossing_hz < math.inf else math.nan
+        return _known(crossing_hz)
+
+
+@dataclass(frozen=True)
+class HarmonicsTrial:
+    """
+    Feedforward alone with several numbers of harmonics, predicted and measured.
+
+    Attributes
+    ----------
+    point : OperatingPoint
+        The scan, with what was predicted and chosen.
+    harmonics : tuple of int
+        Highest harmonics m that were run.
+    measured_percent : tuple of float
+        Their NRMSE.
+
+    """
+
+    point: OperatingPoint
+    harmonics: tuple[int, ...]
+    measured_percent: tuple[float, ...]
+
+    @property
+    def predicted_percent(self) -> dict[int, float]:
+        """Predicted NRMSE of every m that was considered."""
+        return self.point.choices['ff'].predicted_nrmse_percent
 
 
 @dataclass(frozen=True)
@@ -102,10 +143,13 @@ class PaperResults:
     uncompensated: StaticLoop
     compensated: StaticLoop
     compensated_identified: StaticLoop
+    compensated_creeping: StaticLoop
     hysteresis: HysteresisFit
-    bare_responses: tuple[FrequencyResponse, ...]
-    compensated_responses: tuple[FrequencyResponse, ...]
-    dynamics: DynamicsFit
+    bare_responses: tuple[tuple[FrequencyResponse, ...], ...]  # by amplitude, slow and fast sweep
+    compensated_responses: tuple[FrequencyResponse, ...]  # behind the published inverse
+    identified_responses: tuple[FrequencyResponse, ...]  # behind the identified one
+    dynamics_published: DynamicsFit  # behind the published inverse
+    dynamics: DynamicsFit  # behind the identified one
     uncertainty: UncertaintyBound
     closed_loop: FrequencyResponse
     loop_published: LoopShape
@@ -116,7 +160,8 @@ class PaperResults:
     table_4_published: _Floats  # (30, 2), percent, FF and FBFF
     table_4_identified: _Floats
     table_4_automatic: _Floats
-    harmonics: tuple[tuple[HarmonicsChoice, HarmonicsChoice], ...]  # (30, 2)
+    points: tuple[OperatingPoint, ...]  # (30,)
+    trials: tuple[HarmonicsTrial, ...]
     scans: Mapping[str, Run]  # scheme -> 2.5 um triangle of 300 Hz
 
 
@@ -146,34 +191,44 @@ def run_paper_study(
         'kappa_um_per_v': hysteresis.parameters.kappa_um_per_v,
         'saturation_v': hysteresis.parameters.saturation_v}
     identified_loop = study.compensated_loop('identified', inverse)
-    bare, grid = study.responses()
-    dynamics = study.dynamics(inverse)
+    dynamics = study.dynamics('identified', inverse, _IDENTIFICATION_AMPLITUDES_UM)
+    dynamics_published = study.dynamics('published', {}, _IDENTIFICATION_AMPLITUDES_UM[1:2])
     assert dynamics.parameters is not None
-    bound = uncertainty_bound(grid, dynamics.sampled_response)
+    assert dynamics_published.parameters is not None
+    responses = study.responses('identified', inverse)
+    bound = uncertainty_bound(responses, dynamics.sampled_response)
     law = study.parameters('controller', ControllerParameters)
     tuning = tune_pi(
         LinearDynamics(dynamics.parameters), bound=bound, max_sensitivity=_MOST_SENSITIVE,
         measurement_delay_samples=law.measurement_delay_samples)
     model = {**dynamics.parameters.to_mapping(), 'model_response': 'sampled'}
+    # Nothing of the rig's secrets: the identified models, and its data sheet.
+    known = known_rig(
+        {}, study.parameters('plant', RigParameters), hysteresis.parameters, dynamics.parameters)
+    scan = study.parameters('trajectory', TrajectoryParameters)
     cells = table_cells()
-    choices = study.harmonics(cells, hysteresis.parameters, dynamics)
-    published = study.table_4('published', cells)
+    points = predict_operating_points(
+        known, scan.replaced(**model), law, cells, uncertainty=bound)
     return PaperResults(
         uncompensated=uncompensated, compensated=compensated,
-        compensated_identified=identified_loop, hysteresis=hysteresis, bare_responses=bare,
-        compensated_responses=grid, dynamics=dynamics, uncertainty=bound,
-        closed_loop=study.closed_loop(),
+        compensated_identified=identified_loop,
+        compensated_creeping=study.compensated_loop('creeping', {}, CREEP),
+        hysteresis=hysteresis, bare_responses=study.bare_responses(),
+        compensated_responses=study.responses('published', {}), identified_responses=responses,
+        dynamics_published=dynamics_published, dynamics=dynamics,
+        uncertainty=bound, closed_loop=study.closed_loop(),
         loop_published=loop_shape(
-            LinearDynamics(), law.proportional_gain, law.integral_gain_per_s),
+            LinearDynamics(), law.proportional_gain, law.integral_gain_per_s,
+            bound=published_bound),
         loop_identified=loop_shape(
-            LinearDynamics(dynamics.parameters), law.proportional_gain, law.integral_gain_per_s,
-            sample_period_s=1e-5, measurement_delay_samples=law.measurement_delay_samples,
-            bound=bound),
-        tuning=tuning, crossings=study.crossings(), cells=cells,
-        table_4_published=published,
+            LinearDynamics(dynamics_published.parameters), law.proportional_gain,
+            law.integral_gain_per_s, sample_period_s=1e-5,
+            measurement_delay_samples=law.measurement_delay_samples, bound=published_bound),
+        tuning=tuning, crossings=study.crossings(known, bound), cells=cells,
+        table_4_published=study.table_4('published', cells),
         table_4_identified=study.table_4('identified', cells, inverse, model),
-        table_4_automatic=study.table_4('automatic', cells, inverse, model, choices),
-        harmonics=choices, scans=study.scans())
+        table_4_automatic=study.table_4('automatic', cells, inverse, model, points),
+        points=points, trials=study.trials(points, inverse, model), scans=study.scans())
 
 
 class _Study:
@@ -196,11 +251,14 @@ class _Study:
             'waveform': 'triangle', 'harmonics': 0}, _STATIC)])
         return _last_loop(run.voltage_v, run), self.compensated_loop('published', {})
 
-    def compensated_loop(self, name: str, inverse: Mapping[str, Any]) -> StaticLoop:
+    def compensated_loop(
+        self, name: str, inverse: Mapping[str, Any], plant: Mapping[str, Any] | None = None,
+    ) -> StaticLoop:
         """Return the slow loop of commanded and measured displacement."""
         (run,) = self._execute([self._plan(f'static_compensated_{name}', {
             'scheme': 'open_loop', 'amplitude_um': 3.0, 'frequency_hz': 1.0, 'periods': 3.0,
-            'waveform': 'triangle', 'harmonics': 0, 'compensator': inverse}, _STATIC)])
+            'waveform': 'triangle', 'harmonics': 0, 'compensator': inverse,
+            'plant': plant or {}}, _STATIC)])
         return _last_loop(run.command_um, run)
 
     def hysteresis(self) -> HysteresisFit:
@@ -210,32 +268,41 @@ class _Study:
             'waveform': 'decreasing_triangle', 'harmonics': 0}, _STATIC)])
         return fit_hysteresis(run.voltage_v, run.displacement_um)
 
-    def responses(self) -> tuple[tuple[FrequencyResponse, ...], tuple[FrequencyResponse, ...]]:
-        """Return Fig. 6 (bare, by amplitude) and the grid of Fig. 7 and 8 (compensated)."""
-        kappa = paper.KAPPA_UM_PER_V[-1]
-        sweep = {
-            'waveform': 'stepped_sine', 'harmonics': 0, 'dwell_s': 0.02,
-            'trajectory': {'frequencies_hz': _RESPONSE_FREQUENCIES_HZ}}
-        bare = self._execute([
-            self._plan(f'bare_response_{amplitude_v:g}v', {
-                **sweep, 'output': 'voltage', 'amplitude_v': amplitude_v})
-            for amplitude_v in _AMPLITUDES_V])
-        bare_responses = tuple(recorded_response(run, bare=True) for run in bare)
-        grid = self._execute([
-            self._plan(f'compensated_response_{amplitude_v:g}v_at_{offset_v:g}v', {
-                **sweep, 'scheme': 'open_loop', 'amplitude_um': kappa * amplitude_v,
-                'offset_um': kappa * offset_v})
-            for amplitude_v in _AMPLITUDES_V for offset_v in _OFFSETS_V])
-        return bare_responses, tuple(recorded_response(run) for run in grid)
+    def bare_responses(self) -> tuple[tuple[FrequencyResponse, ...], ...]:
+        """Return Fig. 6: the bare actuator by amplitude, with creep, in a slow and a fast sweep."""
+        return tuple(
+            tuple(recorded_response(run, bare=True) for run in self._execute([
+                self._plan(f'bare_response_{amplitude_v:g}v{suffix}', {
+                    **_SWEEP, 'output': 'voltage', 'amplitude_v': amplitude_v, 'plant': CREEP,
+                    'trajectory': {'frequencies_hz': frequencies_hz}}, everywhere)
+                for suffix, frequencies_hz, everywhere in (
+                    ('_slow', _SLOW_FREQUENCIES_HZ, _SLOW),
+                    ('', _RESPONSE_FREQUENCIES_HZ, None))]))
+            for amplitude_v in _AMPLITUDES_V)
 
-    def dynamics(self, inverse: Mapping[str, Any]) -> DynamicsFit:
-        """Identify G behind the identified inverse, at amplitudes that no limit touches."""
+    def responses(
+        self, name: str, inverse: Mapping[str, Any],
+    ) -> tuple[FrequencyResponse, ...]:
+        """Return the grid of Fig. 7 and 8: compensated, amplitude by offset."""
+        kappa = paper.KAPPA_UM_PER_V[-1]
         runs = self._execute([
-            self._plan(f'identify_dynamics_{amplitude_um:g}um', {
+            self._plan(f'response_{name}_{amplitude_v:g}v_at_{offset_v:g}v', {
+                **_SWEEP, 'scheme': 'open_loop', 'amplitude_um': kappa * amplitude_v,
+                'offset_um': kappa * offset_v, 'compensator': inverse,
+                'trajectory': {'frequencies_hz': _RESPONSE_FREQUENCIES_HZ}})
+            for amplitude_v in _AMPLITUDES_V for offset_v in _OFFSETS_V])
+        return tuple(map(recorded_response, runs))
+
+    def dynamics(
+        self, name: str, inverse: Mapping[str, Any], amplitudes_um: Sequence[float],
+    ) -> DynamicsFit:
+        """Identify G behind an inverse, at amplitudes that no limit touches."""
+        runs = self._execute([
+            self._plan(f'identify_dynamics_{name}_{amplitude_um:g}um', {
                 'scheme': 'open_loop', 'waveform': 'stepped_sine', 'harmonics': 0,
                 'amplitude_um': amplitude_um, 'dwell_s': 0.05, 'compensator': inverse,
                 'trajectory': {'frequencies_hz': _WIDE_FREQUENCIES_HZ}})
-            for amplitude_um in _IDENTIFICATION_AMPLITUDES_UM])
+            for amplitude_um in amplitudes_um])
         return fit_dynamics(merge([recorded_response(run) for run in runs]))
 
     def closed_loop(self) -> FrequencyResponse:
@@ -245,51 +312,55 @@ class _Study:
             'dwell_s': 0.01, 'trajectory': {'frequencies_hz': _LOOP_FREQUENCIES_HZ}})])
         return recorded_response(run, closed_loop=True)
 
-    def crossings(self) -> tuple[Crossing, ...]:
-        """Return Fig. 10 and Table 3: sines under FF and FBFF."""
+    def crossings(
+        self, known: RigParameters, bound: UncertaintyBound,
+    ) -> tuple[Crossing, ...]:
+        """Return Fig. 10 and Table 3: sines under FF and FBFF, all as published."""
+        law = self.parameters('controller', ControllerParameters)
+        compensator = self.parameters('compensator', HysteresisParameters)
+        sine = self.parameters('trajectory', TrajectoryParameters).replaced(
+            waveform='sine', harmonics=1)
         crossings = []
         for amplitude_um in paper.TABLE_3:
             errors = self._scan_errors(
                 f'sine_{amplitude_um:g}um', 'sine',
                 [(amplitude_um, frequency_hz) for frequency_hz in _SINE_FREQUENCIES_HZ],
                 {'harmonics': 1})
+            predicted_hz = equal_error_frequency_hz(
+                known, sine.replaced(amplitude_um=amplitude_um), law, _SINE_FREQUENCIES_HZ,
+                compensator=compensator, uncertainty=bound)
             crossings.append(Crossing(
-                amplitude_um, np.array(_SINE_FREQUENCIES_HZ), errors[:, 0], errors[:, 1]))
+                amplitude_um, np.array(_SINE_FREQUENCIES_HZ), errors[:, 0], errors[:, 1],
+                _known(predicted_hz)))
         return tuple(crossings)
 
-    def harmonics(
-        self, cells: Sequence[tuple[float, float]], hysteresis: HysteresisParameters,
-        dynamics: DynamicsFit,
-    ) -> tuple[tuple[HarmonicsChoice, HarmonicsChoice], ...]:
-        """Choose m for every cell from what is known: the models and the amplifier's limits."""
-        assert dynamics.parameters is not None
-        rig = self.parameters('plant', RigParameters)
-        # Nothing of the rig's secrets: the identified models, and its data sheet.
-        known = RigParameters.from_mapping({
-            **rig.to_mapping(), **dynamics.parameters.to_mapping(), **hysteresis.to_mapping(),
-            **{name: 0.0 for name in rig.to_mapping() if name.endswith('_mismatch')}})
-        law = self.parameters('controller', ControllerParameters)
-        scan = self.parameters('trajectory', TrajectoryParameters).replaced(
-            **dynamics.parameters.to_mapping(), model_response='sampled')
-        choices = []
-        for amplitude_um, frequency_hz in cells:
-            run = scan.replaced(amplitude_um=amplitude_um, frequency_hz=frequency_hz)
-            ff, fbff = (
-                choose_harmonics(known, run, law.replaced(scheme=scheme)) for scheme in SCHEMES)
-            choices.append((ff, fbff))
-        return tuple(choices)
+    def trials(
+        self, points: Sequence[OperatingPoint], inverse: Mapping[str, Any],
+        model: Mapping[str, Any],
+    ) -> tuple[HarmonicsTrial, ...]:
+        """Run feedforward alone with several m where amplitude and frequency are extreme."""
+        predicted = {(point.amplitude_um, point.frequency_hz): point for point in points}
+        trials = []
+        for cell in _TRIED_CELLS:
+            point = predicted[cell]
+            harmonics = tuple(sorted({*_TRIED_HARMONICS, point.harmonics['ff']}))
+            runs = self._execute([
+                self._scan_plan(f'harmonics_{m}', 'triangle', 'ff', *cell, {
+                    'compensator': inverse, 'trajectory': model, 'harmonics': m})
+                for m in harmonics])
+            trials.append(HarmonicsTrial(point, harmonics, tuple(map(_error, runs))))
+        return tuple(trials)
 
     def table_4(
         self, name: str, cells: Sequence[tuple[float, float]],
         inverse: Mapping[str, Any] | None = None, model: Mapping[str, Any] | None = None,
-        choices: Sequence[tuple[HarmonicsChoice, HarmonicsChoice]] | None = None,
+        points: Sequence[OperatingPoint] | None = None,
     ) -> _Floats:
         """Return the errors of triangle tracking, shape (cells, 2), percent."""
         return self._scan_errors(
             f'table_4_{name}', 'triangle', cells,
             {'compensator': inverse or {}, 'trajectory': model or {}},
-            None if choices is None else [
-                tuple(choice.harmonics for choice in pair) for pair in choices])
+            None if points is None else [point.harmonics for point in points])
 
     def scans(self) -> dict[str, Run]:
         """Return Fig. 11: the 300 Hz triangle under all schemes."""
@@ -303,17 +374,22 @@ class _Study:
 
     def _scan_errors(
         self, name: str, waveform: str, cells: Sequence[tuple[float, float]],
-        more: Mapping[str, Any], harmonics: Sequence[tuple[int, ...]] | None = None,
+        more: Mapping[str, Any], harmonics: Sequence[Mapping[str, int]] | None = None,
     ) -> _Floats:
         planned = [
-            self._plan(f'{name}_{scheme}_{amplitude_um:g}um_{frequency_hz:g}hz', {
-                'harmonics': paper.HARMONICS, **more, 'scheme': scheme, 'waveform': waveform,
-                'amplitude_um': amplitude_um, 'frequency_hz': frequency_hz, 'periods': PERIODS,
-                **({} if harmonics is None else {'harmonics': harmonics[row][column]})})
-            for row, (amplitude_um, frequency_hz) in enumerate(cells)
-            for column, scheme in enumerate(SCHEMES)]
+            self._scan_plan(name, waveform, scheme, *cell, {
+                **more, **({} if harmonics is None else {'harmonics': harmonics[row][scheme]})})
+            for row, cell in enumerate(cells) for scheme in SCHEMES]
         errors = [_error(run) for run in self._execute(planned)]
         return np.array(errors).reshape(len(cells), len(SCHEMES))
+
+    def _scan_plan(
+        self, name: str, waveform: str, scheme: str, amplitude_um: float, frequency_hz: float,
+        more: Mapping[str, Any],
+    ) -> PlannedRun:
+        return self._plan(f'{name}_{scheme}_{amplitude_um:g}um_{frequency_hz:g}hz', {
+            'harmonics': paper.HARMONICS, **more, 'scheme': scheme, 'waveform': waveform,
+            'amplitude_um': amplitude_um, 'frequency_hz': frequency_hz, 'periods': PERIODS})
 
     def _plan(
         self, name: str, entry: Mapping[str, Any], everywhere: Mapping[str, Any] | None = None,
@@ -321,6 +397,11 @@ class _Study:
         base = {
             stage: {**values, **(everywhere or {})} for stage, values in self._base.items()}
         return plan_run(base, entry, where=f'study: {name}', number=0, name=name)
+
+
+def _known(frequency_hz: float) -> float:
+    """Return NaN for a crossing that lies outside the frequencies that were looked at."""
+    return frequency_hz if 0.0 < frequency_hz < math.inf else math.nan
 
 
 def _error(run: Run) -> float:

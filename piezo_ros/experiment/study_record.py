@@ -1,17 +1,33 @@
 """The numbers of a study for programs: what report.json holds beside the page."""
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from piezo_ros import paper
-from piezo_ros.experiment.paper_study import Crossing, PaperResults, StaticLoop
+from piezo_ros.experiment.paper_study import (
+    Crossing,
+    HarmonicsTrial,
+    PaperResults,
+    StaticLoop,
+)
 from piezo_ros.experiment.tracking_table import Agreement, agreement, published_errors
+from piezo_ros.identification import DynamicsFit, ExcludedPoint, FrequencyResponse
+from piezo_ros.model import LinearDynamics
 from piezo_ros.report import nrmse
 from piezo_ros.report.metrics import tail
 
-__all__ = ['held_out', 'study_record', 'within_published_band']
+__all__ = [
+    'held_out',
+    'left_out',
+    'published_uncertainty',
+    'recommendations',
+    'study_record',
+    'within_published_band',
+]
 
 FORMAT_VERSION = 1
 _PERCENT = 100.0
@@ -33,11 +49,10 @@ def study_record(results: PaperResults, bags: dict[str, str]) -> dict[str, Any]:
     Returns
     -------
     dict
-        runs, table3, table4 and its re-identified and automatic forms, nonlinearity, margins,
-        identified, agreement.
+        runs, table3, table4 and its re-identified and automatic forms, harmonics, nonlinearity,
+        margins, identified, agreement.
 
     """
-    identified = results.dynamics
     return {
         'format_version': FORMAT_VERSION,
         'runs': [_scan(results, scheme, bags.get(scheme, '')) for scheme in results.scans],
@@ -45,9 +60,13 @@ def study_record(results: PaperResults, bags: dict[str, str]) -> dict[str, Any]:
         'table4': _table_4(results, results.table_4_published),
         'table4_identified': _table_4(results, results.table_4_identified),
         'table4_automatic': [
-            {**row, 'harmonics_ff': ff.harmonics, 'harmonics_fbff': fbff.harmonics}
-            for row, (ff, fbff) in zip(
-                _table_4(results, results.table_4_automatic), results.harmonics, strict=True)],
+            {**row, 'harmonics_ff': point.harmonics['ff'],
+             'harmonics_fbff': point.harmonics['fbff'], 'recommended_scheme': point.scheme,
+             'predicted': dict(point.predicted_nrmse_percent)}
+            for row, point in zip(
+                _table_4(results, results.table_4_automatic), results.points, strict=True)],
+        'recommended_schemes_right': recommendations(results),
+        'harmonics': [_trial(trial) for trial in results.trials],
         'agreement': {
             'all': _agreement(results, np.ones(len(results.cells), dtype=bool)),
             'held_out_rows': _agreement(results, held_out(results)),
@@ -56,6 +75,7 @@ def study_record(results: PaperResults, bags: dict[str, str]) -> dict[str, Any]:
             'uncompensated': _nonlinearity(results.uncompensated),
             'compensated': _nonlinearity(results.compensated),
             'compensated_identified': _nonlinearity(results.compensated_identified),
+            'compensated_creeping': _nonlinearity(results.compensated_creeping),
         },
         'margins': {
             'published': results.loop_published.record(),
@@ -66,14 +86,18 @@ def study_record(results: PaperResults, bags: dict[str, str]) -> dict[str, Any]:
             'hysteresis': {
                 **results.hysteresis.parameters.to_mapping(),
                 'rms_um': results.hysteresis.rms_um},
-            'dynamics': {
-                name: {'value': value, 'standard_error': identified.standard_errors[name]}
-                for name, value in identified.values.items()},
+            'dynamics': _dynamics(results.dynamics),
+            'dynamics_behind_published_inverse': _dynamics(results.dynamics_published),
             'uncertainty': {
                 'numerator': results.uncertainty.numerator.tolist(),
                 'denominator': results.uncertainty.denominator.tolist(),
                 'mean_excess_db': results.uncertainty.mean_excess_db,
-                'smallest_margin': results.uncertainty.smallest_margin},
+                'smallest_margin': results.uncertainty.smallest_margin,
+                'points': results.uncertainty.frequency_hz.size,
+                'left_out': [
+                    {'frequency_hz': point.frequency_hz, 'amplitude_um': point.amplitude,
+                     'offset_um': point.offset, 'reason': point.reason}
+                    for point in left_out(results.identified_responses)]},
             'controller': {
                 'proportional_gain': results.tuning.proportional_gain,
                 'integral_gain_per_s': results.tuning.integral_gain_per_s},
@@ -91,6 +115,45 @@ def within_published_band(crossing: Crossing) -> bool:
     low_hz, high_hz = paper.TABLE_3[crossing.amplitude_um]
     return bool(
         low_hz - _BAND_TOLERANCE_HZ <= crossing.crossing_hz <= high_hz + _BAND_TOLERANCE_HZ)
+
+
+def left_out(responses: Sequence[FrequencyResponse]) -> list[ExcludedPoint]:
+    """Return the points of some responses that were left out, mostly where the amplifier slews."""
+    return [point for response in responses for point in response.excluded]
+
+
+def _dynamics(fit: DynamicsFit) -> dict[str, dict[str, float]]:
+    return {
+        name: {'value': value, 'standard_error': fit.standard_errors[name]}
+        for name, value in fit.values.items()}
+
+
+def recommendations(results: PaperResults) -> int:
+    """Return in how many conditions the recommended of FF and FBFF was the better one."""
+    better = np.where(results.table_4_automatic[:, 0] < results.table_4_automatic[:, 1],
+                      'ff', 'fbff')
+    return sum(
+        point.scheme == scheme for point, scheme in zip(results.points, better, strict=True))
+
+
+def published_uncertainty(
+    results: PaperResults,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return frequencies and |Delta|, (7), of the rig against the G of Table 2 behind the hold."""
+    responses = results.compensated_responses
+    frequency_hz = np.concatenate([response.frequency_hz for response in responses])
+    measured = np.concatenate([response.response for response in responses])
+    model = LinearDynamics().sampled_response(frequency_hz, responses[0].sample_period_s)
+    return frequency_hz, np.abs(measured / model - 1.0)
+
+
+def _trial(trial: HarmonicsTrial) -> dict[str, Any]:
+    return {
+        'amplitude_um': trial.point.amplitude_um, 'frequency_hz': trial.point.frequency_hz,
+        'scheme': 'ff', 'chosen': trial.point.harmonics['ff'],
+        'harmonics': list(trial.harmonics),
+        'predicted': [trial.predicted_percent[m] for m in trial.harmonics],
+        'measured': list(trial.measured_percent)}
 
 
 def _scan(results: PaperResults, scheme: str, bag: str) -> dict[str, Any]:
@@ -115,13 +178,17 @@ def _scan(results: PaperResults, scheme: str, bag: str) -> dict[str, Any]:
 
 def _crossing(crossing: Crossing) -> dict[str, Any]:
     low_hz, high_hz = paper.TABLE_3[crossing.amplitude_um]
-    known = math.isfinite(crossing.crossing_hz)
     return {
         'amplitude_um': crossing.amplitude_um,
-        'crossing_hz': crossing.crossing_hz if known else None,
+        'crossing_hz': _finite(crossing.crossing_hz),
+        'predicted_hz': _finite(crossing.predicted_hz),
         'paper_low_hz': low_hz, 'paper_high_hz': high_hz,
         'within_50_hz': within_published_band(crossing),
     }
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
 
 
 def _table_4(results: PaperResults, errors: Any) -> list[dict[str, float]]:

@@ -153,7 +153,9 @@ def crossing_figure(rows: Sequence[CrossingRow]) -> Figure:
     return figure
 
 
-def table_4_figure(cells: Sequence[TableCell], *, title: str) -> Figure:
+def table_4_figure(
+    cells: Sequence[TableCell], *, title: str, mark_winners: bool = True,
+) -> Figure:
     """
     Draw every cell of Table 4 in Liu 2015, ours and the published.
 
@@ -163,12 +165,14 @@ def table_4_figure(cells: Sequence[TableCell], *, title: str) -> Figure:
         At least one.
     title : str
         Heading.
+    mark_winners : bool, optional
+        Whether to shade the conditions with another winner than the published one.
 
     Returns
     -------
     Figure
-        One panel an amplitude, ours as lines and the published as open circles; conditions with
-        another winner are shaded. A last panel sets ours against the published, cell by cell.
+        One panel an amplitude, ours as lines and the published as open circles. A last panel sets
+        ours against the published, cell by cell.
 
     Raises
     ------
@@ -188,7 +192,7 @@ def table_4_figure(cells: Sequence[TableCell], *, title: str) -> Figure:
         for panel, amplitude_um in zip(panels, amplitudes, strict=True):
             mine = sorted(cell for cell in cells if cell.amplitude_um == amplitude_um)
             for cell in mine:
-                if not cell.same_winner:
+                if mark_winners and not cell.same_winner:
                     panel.axvspan(cell.frequency_hz - half_width, cell.frequency_hz + half_width,
                                   color=INK, alpha=_BAND_ALPHA, linewidth=0)
             frequency_hz = [cell.frequency_hz for cell in mine]
@@ -205,7 +209,7 @@ def table_4_figure(cells: Sequence[TableCell], *, title: str) -> Figure:
             Line2D([], [], color=scheme_colour(scheme), marker='o', markersize=3.6, label=label)
             for scheme, label in _SCHEMES]
         handles.append(Line2D([], [], markeredgecolor=INK, label='paper', **_PAPER_MARK))
-        if not all(cell.same_winner for cell in cells):
+        if mark_winners and not all(cell.same_winner for cell in cells):
             handles.append(
                 Patch(color=INK, alpha=_BAND_ALPHA, linewidth=0, label='another winner'))
         head(figure, handles, title)

@@ -14,9 +14,14 @@ PLAN = Path(__file__).parents[2] / 'config' / 'experiments' / 'paper.yaml'
 
 
 @pytest.fixture(scope='module')
-def report(tmp_path_factory):
+def directory(tmp_path_factory):
     directory = tmp_path_factory.mktemp('paper') / 'out'
     assert main(['simulate', str(PLAN), '-o', str(directory)]) == 0
+    return directory
+
+
+@pytest.fixture(scope='module')
+def report(directory):
     return json.loads((directory / 'report.json').read_text())
 
 
@@ -54,6 +59,48 @@ def test_hysteresis_is_there_without_compensation_and_gone_with_it(report):
     for loop in (published, identified):
         assert loop['input'] <= 0.40
         assert loop['output'] <= 0.38
+
+
+@pytest.mark.slow
+def test_scheme_and_harmonics_are_predicted_as_they_are_measured(report):
+    assert report['recommended_schemes_right'] >= 27
+    for row in report['table4_automatic']:
+        for scheme in ('ff', 'fbff'):
+            assert row['predicted'][scheme] == pytest.approx(row[scheme], rel=0.2)
+    assert len(report['harmonics']) == 6
+    for trial in report['harmonics']:
+        measured = dict(zip(trial['harmonics'], trial['measured'], strict=True))
+        assert measured[trial['chosen']] <= 1.05 * min(measured.values())
+        np.testing.assert_allclose(trial['predicted'], trial['measured'], rtol=0.2)
+    for row in report['table3']:
+        assert row['predicted_hz'] == pytest.approx(row['crossing_hz'], rel=0.05)
+
+
+@pytest.mark.slow
+def test_points_at_which_the_amplifier_slews_are_left_out_and_listed(report):
+    bound = report['identified']['uncertainty']
+    left_out = bound['left_out']
+    assert len(left_out) + bound['points'] == 500
+    assert left_out
+    assert all('slews' in point['reason'] for point in left_out)
+    assert min(point['frequency_hz'] for point in left_out) > 900.0
+
+
+@pytest.mark.slow
+def test_creep_is_in_figure_6_and_would_not_suit_figure_5(report):
+    creeping = report['nonlinearity']['compensated_creeping']
+    assert min(creeping.values()) > 1.0
+
+
+@pytest.mark.slow
+def test_the_page_gives_its_reasons(report, directory):
+    page = (directory / 'report.html').read_text(encoding='utf-8')
+    for anchor in ('table-4', 'beyond', 'harmonics', 'table-3', 'static', 'table-1', 'table-2',
+                   'uncertainty', 'loop', 'fig-11', 'deviations'):
+        assert f'id="{anchor}"' in page
+    outside = [row['amplitude_um'] for row in report['table3'] if not row['within_50_hz']]
+    assert ('Outside: ' in page) == bool(outside)
+    assert 'The rig is simulated.' in page
 
 
 @pytest.mark.slow
