@@ -94,15 +94,19 @@ setup(
     ],
     extras_require={
         'ros': ROS_WHEELS,
+        # piezo sweep --engine dask, and its results as Parquet.
+        'dask': ['distributed>=2024.1', 'pyarrow>=14'],
         # One more ring in piezo bench.
         'cyclonedds': ['cyclonedds>=0.10.2'],
         'test': [
             'catkin_pkg',
             'colcon-common-extensions',
+            'distributed>=2024.1',
             'hypothesis>=6.100',
             'import-linter>=2',
             'mcap-ros2-support>=0.5',
             'mypy>=1.13',
+            'pyarrow>=14',
             # pytest 9 breaks launch_testing's plug-in where a sourced ROS brings it in.
             'pytest>=7.4,<9',
             'pytest-timeout>=2.2',

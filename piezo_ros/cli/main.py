@@ -33,7 +33,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _run(arguments: Sequence[str] | None) -> int:
     # Here, so that a Ctrl-C in the first moments finds somebody who takes it.
-    from piezo_ros.cli import bag, bench, calibrate, check, identify, replay, report, run, tune
+    from piezo_ros.cli import (
+        bag,
+        bench,
+        calibrate,
+        check,
+        identify,
+        replay,
+        report,
+        run,
+        sweep,
+        tune,
+    )
     parser = argparse.ArgumentParser(
         prog='piezo', description='Piezo nano-positioning on ROS 2: run, analyse, report.')
     commands = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
@@ -43,6 +54,7 @@ def _run(arguments: Sequence[str] | None) -> int:
     replay.add_command(commands)
     report.add_command(commands)
     bag.add_command(commands)
+    sweep.add_command(commands)
     calibrate.add_command(commands)
     check.add_command(commands)
     bench.add_command(commands)

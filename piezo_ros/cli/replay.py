@@ -92,5 +92,5 @@ def _replaced(
     sections = read_parameter_file(path, [node])
     if node not in sections:
         raise PlanError(f'{path} has no section for {node}')
-    known = parameter_set().to_mapping()
+    known = parameter_set.names()
     return {name: value for name, value in sections[node].items() if name in known}

@@ -92,6 +92,8 @@ def _with_plan(options: argparse.Namespace, campaign: Callable[[Plan], int]) -> 
             raise PlanError(
                 f'{options.plan} lies in the output directory {options.output}, which would '
                 'replace it')
+        if plan.sweep is not None:
+            raise PlanError(f'{options.plan} is a sweep; piezo sweep does it')
         prepare_directory(options.output, force=options.force)
         return campaign(plan)
     except PlanError as error:

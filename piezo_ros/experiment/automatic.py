@@ -117,7 +117,7 @@ def known_rig(
         (HysteresisParameters, compensator, 'compensator'),
         (DynamicsParameters, trajectory, 'trajectory'),
     ):
-        names = parameter_set().to_mapping()
+        names = parameter_set.names()
         values.update({name: getattr(own, name) for name in names})
         values.update(_chosen(told, stage, names))
     values.update(_chosen(told, 'plant', _DATA_SHEET))

@@ -47,8 +47,7 @@ def read_node_model(
         raise PlanError(f'{path} has no section for {node}')
     try:
         values = check_node_parameters(node, {**(assumed or {}), **sections[node]})
-        return parameter_set.from_mapping(
-            {name: values[name] for name in parameter_set().to_mapping()})
+        return parameter_set.among(values)
     except ParameterError as error:
         raise PlanError(f'{path}: {error}') from None
 

@@ -5,7 +5,6 @@ The nodes declare these sets, plans and offline simulation check against them, a
 documentation are printed from them.
 """
 
-import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
@@ -169,8 +168,7 @@ NODE_PARAMETERS: Final[Mapping[str, tuple[type[ParameterSet], ...]]] = {
 def parameter_names(node: str) -> tuple[str, ...]:
     """Return the names of every parameter of a node."""
     return tuple(
-        field.name for parameter_set in NODE_PARAMETERS[node]
-        for field in dataclasses.fields(parameter_set))
+        name for parameter_set in NODE_PARAMETERS[node] for name in parameter_set.names())
 
 
 def check_node_parameters(node: str, values: Mapping[str, Any]) -> dict[str, Any]:
@@ -198,7 +196,7 @@ def check_node_parameters(node: str, values: Mapping[str, Any]) -> dict[str, Any
     complete: dict[str, Any] = {}
     known: list[str] = []
     for parameter_set in NODE_PARAMETERS[node]:
-        names = list(parameter_set().to_mapping())
+        names = parameter_set.names()
         known += names
         own = {name: value for name, value in values.items() if name in names}
         complete.update(parameter_set.from_mapping(own).to_mapping())

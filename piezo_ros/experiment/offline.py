@@ -20,7 +20,7 @@ from piezo_ros.experiment.plan import PlannedRun
 from piezo_ros.experiment.provenance import parameters_yaml, run_metadata
 from piezo_ros.model import HysteresisParameters, RigParameters
 
-__all__ = ['simulate_run', 'write_run']
+__all__ = ['compile_loop', 'simulate_run', 'simulated_streams', 'write_run']
 
 _BLOCK_SAMPLES = 1000
 
@@ -37,23 +37,27 @@ def simulate_run(planned: PlannedRun, bag: Path) -> RunResult:
         Bag directory; must not exist.
 
     """
-    _compile()
+    compile_loop()
     start = time.perf_counter()
-    if planned.bare:
-        bare = simulate_bare(planned.plant, planned.trajectory)
-        streams = {'voltage': bare.voltage_v, 'displacement': bare.displacement_um}
-    else:
-        run = simulate(
-            planned.plant, planned.compensator, planned.controller, planned.trajectory,
-            planned.changes)
-        streams = dict(zip(STREAMS, run, strict=True))
+    streams = simulated_streams(planned)
     seconds = time.perf_counter() - start
     write_run(planned, streams, bag)
     return RunResult(seconds)
 
 
+def simulated_streams(planned: PlannedRun) -> dict[str, NDArray[np.float64]]:
+    """Simulate a run and return its streams; displacement has one sample more."""
+    if planned.bare:
+        bare = simulate_bare(planned.plant, planned.trajectory)
+        return {'voltage': bare.voltage_v, 'displacement': bare.displacement_um}
+    run = simulate(
+        planned.plant, planned.compensator, planned.controller, planned.trajectory,
+        planned.changes)
+    return dict(zip(STREAMS, run, strict=True))
+
+
 @cache
-def _compile() -> None:
+def compile_loop() -> None:
     """Compile the loop or take it from the cache: start-up is no part of a run's time."""
     simulate(
         RigParameters(), HysteresisParameters(), ControllerParameters(),

@@ -240,9 +240,7 @@ class _Study:
 
     def parameters(self, stage: str, parameter_set: type[Any]) -> Any:
         """Return a parameter set of the published stages."""
-        known = parameter_set().to_mapping()
-        return parameter_set.from_mapping({
-            name: value for name, value in self._base[stage].items() if name in known})
+        return parameter_set.among(self._base[stage])
 
     def static_loops(self) -> tuple[StaticLoop, StaticLoop]:
         """Return the loops of Fig. 5, without and with the published inverse model."""

@@ -3,6 +3,7 @@
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, TypeVar
 
@@ -26,8 +27,8 @@ STAGES: Final = ('compensator', 'controller', 'plant', 'trajectory')
 FORMAT_VERSION: Final = 1
 _PLAN_KEYS: Final = (
     'format_version', 'title', 'parameter_files', 'known_rig_files', 'uncertainty_bound_file',
-    'sample_period_s', 'score_periods', 'runs', 'study')
-_RUN_KEYS: Final = ('runs', 'known_rig_files', 'uncertainty_bound_file')
+    'sample_period_s', 'score_periods', 'runs', 'study', 'sweep')
+_RUN_KEYS: Final = ('runs', 'known_rig_files', 'uncertainty_bound_file', 'sweep')
 STUDIES: Final = ('paper',)
 # The keys of a run that are short for a parameter of a node; every other key names a node.
 _SHORT_KEYS: Final = {
@@ -77,30 +78,30 @@ class PlannedRun:
         """The stages that take part."""
         return ('plant', 'trajectory') if self.bare else STAGES
 
-    @property
+    @cached_property
     def plant(self) -> RigParameters:
         """The rig."""
-        return _subset(RigParameters, self.parameters['plant'])
+        return RigParameters.among(self.parameters['plant'])
 
-    @property
+    @cached_property
     def compensator(self) -> HysteresisParameters:
         """The hysteresis that the compensator inverts."""
-        return _subset(HysteresisParameters, self.parameters['compensator'])
+        return HysteresisParameters.among(self.parameters['compensator'])
 
-    @property
+    @cached_property
     def controller(self) -> ControllerParameters:
         """Gains and scheme."""
-        return _subset(ControllerParameters, self.parameters['controller'])
+        return ControllerParameters.among(self.parameters['controller'])
 
     @property
     def changes(self) -> tuple[Change, ...]:
         """Changes of gains and scheme during the run."""
         return parse_changes(self.parameters['controller']['changes'])
 
-    @property
+    @cached_property
     def trajectory(self) -> TrajectoryParameters:
         """The desired trajectory."""
-        return _subset(TrajectoryParameters, self.parameters['trajectory'])
+        return TrajectoryParameters.among(self.parameters['trajectory'])
 
 
 @dataclass(frozen=True)
@@ -140,6 +141,12 @@ class Plan:
         Stage to the parameters of the parameter files.
     study : str
         One of `STUDIES`, '' for none.
+    entries : tuple of mapping
+        What the plan says of each run.
+    known : Known
+        What it tells of the rig beside.
+    sweep : mapping or None
+        What it says of a sweep, see `piezo_ros.experiment.sweep_plan`; None for none.
 
     """
 
@@ -149,6 +156,9 @@ class Plan:
     runs: tuple[PlannedRun, ...]
     base: Mapping[str, Mapping[str, Any]]
     study: str = ''
+    entries: tuple[Mapping[str, Any], ...] = ()
+    known: Known = field(default_factory=Known)
+    sweep: Any = None
 
 
 def read_plan(path: Path) -> Plan:
@@ -199,12 +209,14 @@ def read_plan(path: Path) -> Plan:
         raise PlanError(f'{path}: score_periods is {score_periods!r}, it must be a number')
     known = _read_known(path, content)
     runs: list[PlannedRun] = []
+    combinations: list[dict[str, Any]] = []
     for number, entry in enumerate(entries, start=1):
         where = f'{path}: run {number}'
         if not isinstance(entry, Mapping):
             raise PlanError(f'{where} is {entry!r}, it must be a mapping')
         _refuse_unknown(where, entry, (*_SHORT_KEYS, *STAGES, _CHANGES))
         for combination in _combinations(where, entry):
+            combinations.append(combination)
             runs.append(plan_run(
                 base, combination, where=where, number=len(runs), known=known,
                 score_periods=score_periods))
@@ -216,7 +228,9 @@ def read_plan(path: Path) -> Plan:
             raise PlanError(
                 f'{path}: score_periods is {score_periods}, allowed is 0 … {periods} '
                 f'(periods of {run.name})')
-    return Plan(path, title, float(score_periods), tuple(runs), base)
+    return Plan(
+        path, title, float(score_periods), tuple(runs), base, entries=tuple(combinations),
+        known=known, sweep=content.get('sweep'))
 
 
 def _read_sections(
@@ -413,10 +427,3 @@ def _list(path: Path, key: str, value: Any) -> list[Any]:
     if not isinstance(value, list):
         raise PlanError(f'{path}: {key} is {value!r}, it must be a list')
     return value
-
-
-def _subset(parameter_set: type[_Set], values: Mapping[str, Any]) -> _Set:
-    names = parameter_set().to_mapping()
-    return parameter_set.from_mapping({name: values[name] for name in names})
-
-

@@ -45,9 +45,7 @@ def recorded_parameters(run: Run, node: str, parameter_set: type[_Set]) -> _Set:
     values = _values(run, node)
     if values is None:
         raise BagError(f'{run.path} does not hold the parameters of {node}')
-    known = parameter_set().to_mapping()
-    return parameter_set.from_mapping(
-        {key: value for key, value in values.items() if key in known})
+    return parameter_set.among(values)
 
 
 def _values(run: Run, node: str) -> dict[str, Any] | None:

@@ -118,6 +118,17 @@ class ParameterSet:
         """Refuse combinations of values that are each allowed alone (default: none)."""
 
     @classmethod
+    def names(cls) -> tuple[str, ...]:
+        """Return the names of all parameters."""
+        return tuple(field.name for field in dataclasses.fields(cls))
+
+    @classmethod
+    def among(cls: type[_Set], values: Mapping[str, Any]) -> _Set:
+        """Build the set from the values that belong to it; the others are another set's."""
+        known = cls.names()
+        return cls(**{name: value for name, value in values.items() if name in known})
+
+    @classmethod
     def from_mapping(cls: type[_Set], values: Mapping[str, Any]) -> _Set:
         """
         Build the set from names and values.
@@ -133,7 +144,7 @@ class ParameterSet:
             For an unknown name, a wrong type or a value out of range.
 
         """
-        names = [field.name for field in dataclasses.fields(cls)]
+        names = cls.names()
         for name in values:
             if name not in names:
                 raise ParameterError(

@@ -1,0 +1,133 @@
+"""``piezo sweep``: a campaign of thousands of simulated runs on an engine."""
+
+import argparse
+import os
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from piezo_ros.cli.progress import Progress
+from piezo_ros.experiment.errors import CampaignError, PlanError
+
+if TYPE_CHECKING:
+    from piezo_ros.experiment.sweep import Engine
+
+__all__ = ['add_command']
+
+_EXAMPLES: Final = """\
+examples:
+  piezo sweep config/experiments/sweep.yaml -o out/sweep
+  piezo sweep config/experiments/sweep.yaml -o out/sweep --engine dask --workers 8
+  piezo sweep config/experiments/sweep.yaml -o out/sweep --engine dask \\
+      --scheduler tcp://10.0.0.1:8786
+
+The same command again goes on where it was interrupted. More draws in the plan are added to those
+that are done.
+"""
+_STEPS: Final = 10  # plain lines of progress where there is no terminal
+
+
+def add_command(commands: Any) -> None:
+    """Add the command to the parser."""
+    parser = commands.add_parser(
+        'sweep', help='thousands of simulated runs over drawn parameters', epilog=_EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument('plan', type=Path, metavar='PLAN', help='plan file with a key sweep')
+    parser.add_argument(
+        '-o', '--output', type=Path, required=True, metavar='DIR', help='output directory')
+    parser.add_argument(
+        '--engine', choices=('local', 'dask'), default='local',
+        help='processes of this machine (default), or Dask (pip install piezo_ros[dask])')
+    parser.add_argument(
+        '--workers', type=int, default=os.cpu_count() or 1, metavar='N',
+        help='worker processes (default: one for each core)')
+    parser.add_argument(
+        '--scheduler', default='', metavar='ADDRESS',
+        help='a Dask cluster that is there already; its workers must see DIR by the same path')
+    parser.add_argument(
+        '--bags', action='store_true', help='keep the bag of every run beside its result')
+    parser.add_argument(
+        '--force', action='store_true', help='start anew in place of going on')
+    parser.set_defaults(function=_sweep)
+
+
+def _sweep(options: argparse.Namespace) -> int:
+    from piezo_ros.experiment.plan import read_plan
+    from piezo_ros.experiment.sweep import SweepWork, open_sweep, run_sweep, summary_table
+    from piezo_ros.experiment.sweep_plan import read_sweep
+    progress = _SweepProgress()
+    try:
+        if options.workers < 1:
+            raise PlanError(f'--workers is {options.workers}, it must be at least 1')
+        if options.scheduler and options.engine != 'dask':
+            raise PlanError('--scheduler needs --engine dask')
+        if options.plan.resolve().is_relative_to(options.output.resolve()):
+            raise PlanError(
+                f'{options.plan} lies in the output directory {options.output}, which would '
+                'replace it')
+        engine = _engine(options)
+        plan = read_sweep(read_plan(options.plan))
+        open_sweep(plan, options.plan, options.output, force=options.force)
+        sweep = run_sweep(
+            SweepWork(plan, str(options.output.resolve()), options.bags), engine,
+            workers=options.workers, progress=progress)
+    except PlanError as error:
+        print(f'piezo: {error}', file=sys.stderr)
+        return 2
+    except (CampaignError, ImportError, OSError) as error:
+        progress.end()
+        print(f'piezo: {error}', file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        progress.end()
+        print(
+            'piezo: stopped by SIGINT; the same command goes on from here', file=sys.stderr)
+        return 1
+    progress.end()
+    print(summary_table(sweep.results))
+    done = len(sweep.results) - sweep.resumed
+    if done:
+        print(f'{done} runs in {sweep.seconds:.1f} s, {done / sweep.seconds:.0f} runs/s')
+    if sweep.resumed:
+        print(f'{sweep.resumed} runs had been done before')
+    for result in sweep.failed[:3]:
+        print(f'piezo: failed: {result["error"]}', file=sys.stderr)
+    if sweep.failed:
+        print(f'piezo: {len(sweep.failed)} runs failed', file=sys.stderr)
+    print(f'table: {sweep.table}')
+    return 1 if sweep.failed else 0
+
+
+def _engine(options: argparse.Namespace) -> 'Engine':
+    from piezo_ros.experiment.sweep_engines import dask_engine, local_engine
+    if options.engine == 'local':
+        return local_engine(options.workers)
+    try:
+        return dask_engine(options.workers, options.scheduler)
+    except ImportError:
+        raise ImportError(
+            '--engine dask needs Dask (pip install piezo_ros[dask]); --engine local does '
+            'without') from None
+
+
+class _SweepProgress:
+    """A bar on a terminal, a line for each tenth elsewhere."""
+
+    def __init__(self) -> None:
+        self._progress = Progress()
+        self._step = -1
+
+    def __call__(self, done: int, runs: int) -> None:
+        """Show how many runs are done."""
+        if sys.stderr.isatty():
+            if self._step < 0:
+                self._progress.announce(f'{runs} runs')
+            self._step = 0
+            self._progress.show(done / runs)
+        elif done * _STEPS // runs > self._step:
+            self._step = done * _STEPS // runs
+            self._progress.announce(f'{done} of {runs} runs')
+
+    def end(self) -> None:
+        """Leave the line of the bar."""
+        self._progress.end()
