@@ -12,7 +12,12 @@ import yaml
 from piezo_ros.bag import BagError, Run, read
 from piezo_ros.control import TrajectoryParameters
 from piezo_ros.experiment.errors import PlanError
-from piezo_ros.experiment.model_file import BOUND_KIND, FORMAT_VERSION, read_node_model
+from piezo_ros.experiment.model_file import (
+    BOUND_KIND,
+    FORMAT_VERSION,
+    RATIONAL_KIND,
+    read_node_model,
+)
 from piezo_ros.model import (
     DynamicsParameters,
     HysteresisParameters,
@@ -21,9 +26,7 @@ from piezo_ros.model import (
 )
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-    from piezo_ros.identification import FrequencyResponse, HysteresisFit
+    from piezo_ros.identification import DynamicsFit, FrequencyResponse
 
 __all__ = ['add_command']
 
@@ -32,11 +35,12 @@ examples:
   piezo identify hysteresis bags/bare_triangle -o compensator.yaml --compare
   piezo identify dynamics bags/stepped_sine -o trajectory.yaml
   piezo identify dynamics bags/bare_sine --compensator compensator.yaml -o trajectory.yaml
+  piezo identify dynamics bags/multisine --orders 4 7 --fit-delay -o model.yaml
   piezo identify dynamics recorded_by_ros2_bag --trajectory played.yaml -o trajectory.yaml
   piezo identify uncertainty bags/grid_* --model trajectory.yaml -o bound.yaml
 """
 _PLOT_SUFFIX: Final = '.svg'
-_MOST_PLOTTED: Final = 4000  # points of a curve, more cannot be told apart
+_TABLE_SUFFIX: Final = '.csv'
 # What a kind makes of its bags: each file's name with its text.
 _Files = Mapping[Path, str]
 
@@ -66,6 +70,14 @@ def add_command(commands: Any) -> None:
     dynamics.add_argument(
         '--maximum-frequency-hz', type=float, default=math.inf, metavar='F',
         help='leave out what is above')
+    dynamics.add_argument(
+        '--orders', type=int, nargs=2, metavar=('NUM', 'DEN'),
+        help='fit a stable rational G(s) of these orders in place of (6); for piezo tune, the '
+        'nodes know (6) only')
+    dynamics.add_argument(
+        '--delay-samples', type=float, default=0.0, metavar='D', help='known delay (default: 0)')
+    dynamics.add_argument(
+        '--fit-delay', action='store_true', help='fit a delay too, with --orders')
     uncertainty = kinds.add_parser(
         'uncertainty', help='W(s) above every measured deviation from a model')
     uncertainty.add_argument(
@@ -100,9 +112,9 @@ def add_command(commands: Any) -> None:
 def _guarded(
     identify: Callable[[argparse.Namespace, list[Run]], _Files], options: argparse.Namespace,
 ) -> int:
-    outputs = [options.output]
-    if options.kind == 'hysteresis':
-        outputs.append(options.output.with_suffix(_PLOT_SUFFIX))
+    outputs = [options.output, options.output.with_suffix(_PLOT_SUFFIX)]
+    if options.kind == 'dynamics':
+        outputs.append(options.output.with_suffix(_TABLE_SUFFIX))
     for path in outputs:
         if path.exists() and not options.force:
             print(f'piezo: {path} exists; --force replaces it', file=sys.stderr)
@@ -167,36 +179,21 @@ def _hysteresis(options: argparse.Namespace, runs: list[Run]) -> _Files:
                 f'{row.name:28}{row.parameters_count:>11}{row.rms_um * 1e3:>10.2f}'
                 f'{row.cross_validated_rms_um * 1e3:>20.2f}')
     files = {options.output: fit.to_parameter_yaml(source=_source(runs))}
+    return _with_picture(files, options, 'residual_figure', fit)
+
+
+def _with_picture(
+    files: dict[Path, str], options: argparse.Namespace, figure: str, *arguments: Any,
+) -> _Files:
+    """Add a picture beside the model; without matplotlib the model is all the same."""
     try:
+        from piezo_ros.report import identification_figures
         from piezo_ros.report.rendering import svg
-    except ImportError:  # without matplotlib the model is all the same
+    except ImportError:
         return files
-    files[options.output.with_suffix(_PLOT_SUFFIX)] = svg(_residual_figure(fit), 'residual')
+    files[options.output.with_suffix(_PLOT_SUFFIX)] = svg(
+        getattr(identification_figures, figure)(*arguments), options.kind)
     return files
-
-
-def _residual_figure(fit: 'HysteresisFit') -> 'Figure':
-    """Return the measured loops above what the model leaves of them."""
-    from matplotlib.figure import Figure
-
-    from piezo_ros.report.rendering import FAINT, SERIES, house_style
-    step = -(-fit.voltage_v.size // _MOST_PLOTTED)
-    voltage_v, displacement_um, residual_um = (
-        values[::step] for values in (fit.voltage_v, fit.displacement_um, fit.residual_um))
-    with house_style():
-        figure = Figure(figsize=(6.4, 5.6), layout='constrained')
-        loops, residual = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
-        loops.plot(voltage_v, displacement_um, color=FAINT, linewidth=2.4, label='measured')
-        loops.plot(
-            voltage_v, displacement_um - residual_um, color=SERIES[0], linewidth=0.7,
-            label=f'MRC, {fit.elements} elements')
-        loops.set_ylabel('displacement (µm)')
-        loops.legend()
-        residual.plot(voltage_v, 1e3 * residual_um, color=SERIES[0], linewidth=0.5)
-        residual.set_xlabel('voltage (V)')
-        residual.set_ylabel('residual (nm)')
-        residual.set_title(f'{1e3 * fit.rms_um:.3g} nm rms', loc='right', fontsize='medium')
-    return figure
 
 
 def _responses(options: argparse.Namespace, runs: list[Run]) -> 'list[FrequencyResponse]':
@@ -224,11 +221,36 @@ def _responses(options: argparse.Namespace, runs: list[Run]) -> 'list[FrequencyR
 
 def _dynamics(options: argparse.Namespace, runs: list[Run]) -> _Files:
     from piezo_ros.identification import fit_dynamics, merge
+    from piezo_ros.identification.response_csv import response_csv
+    response = merge(_responses(options, runs))
+    structure: dict[str, Any] = {}
+    if options.orders:
+        numerator, denominator = options.orders
+        structure = {
+            'structure': 'rational', 'numerator_order': numerator,
+            'denominator_order': denominator, 'fit_delay': options.fit_delay}
+    elif options.fit_delay:
+        raise ValueError('--fit-delay belongs to --orders: (6) has no delay to fit')
     fit = fit_dynamics(
-        merge(_responses(options, runs)), maximum_frequency_hz=options.maximum_frequency_hz)
+        response, maximum_frequency_hz=options.maximum_frequency_hz,
+        delay_samples=options.delay_samples, **structure)
     for name, error in fit.standard_errors.items():
         print(f'{name:32}{fit.values[name]:14.6g} ± {error:.2g}')
-    return {options.output: fit.to_parameter_yaml(source=_source(runs))}
+    text = _rational_yaml(fit, runs) if options.orders else fit.to_parameter_yaml(
+        source=_source(runs))
+    files = {
+        options.output: text,
+        options.output.with_suffix(_TABLE_SUFFIX): response_csv(response)}
+    return _with_picture(files, options, 'fitted_response_figure', response, fit)
+
+
+def _rational_yaml(fit: 'DynamicsFit', runs: list[Run]) -> str:
+    numerator, denominator = fit.polynomials
+    return yaml.safe_dump({
+        'format_version': FORMAT_VERSION, 'kind': RATIONAL_KIND, 'source': _source(runs),
+        'numerator': numerator.tolist(), 'denominator': denominator.tolist(),
+        'delay_s': fit.delay_s, 'sample_period_s': fit.sample_period_s,
+        'standard_errors': dict(fit.standard_errors)}, sort_keys=False)
 
 
 def _uncertainty(options: argparse.Namespace, runs: list[Run]) -> _Files:
@@ -247,6 +269,7 @@ def _uncertainty(options: argparse.Namespace, runs: list[Run]) -> _Files:
     numerator, denominator = (
         np.atleast_1d(part[0][0]).tolist()
         for part in (bound.transfer_function.num, bound.transfer_function.den))
-    return {options.output: yaml.safe_dump({
+    files = {options.output: yaml.safe_dump({
         'format_version': FORMAT_VERSION, 'kind': BOUND_KIND, 'source': _source(runs),
         'numerator': numerator, 'denominator': denominator}, sort_keys=False)}
+    return _with_picture(files, options, 'bound_figure', bound)

@@ -6,14 +6,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from piezo_ros import paper
+from piezo_ros.control import TrajectoryParameters
 from piezo_ros.experiment.automatic import AUTO
 from piezo_ros.experiment.errors import PlanError
-from piezo_ros.experiment.model_file import read_bound, read_node_model
+from piezo_ros.experiment.model_file import read_bound, read_dynamics, read_node_model
 from piezo_ros.experiment.published import published_bound
-from piezo_ros.model import DynamicsParameters, LinearDynamics
+from piezo_ros.model import LinearDynamics
 
 if TYPE_CHECKING:
-    from piezo_ros.identification.linear_plant import Bound
+    from piezo_ros.identification.linear_plant import Bound, Model
     from piezo_ros.identification.loop_shape import LoopShape
 
 __all__ = ['add_command']
@@ -59,7 +60,7 @@ def add_command(commands: Any) -> None:
         help="what identify uncertainty wrote, or 'none' (default: (19) of the paper)")
     parser.add_argument(
         '--objective', choices=('itae_step', 'itae_scan'), default='itae_step',
-        help='ITAE of a unit step or of a 300 Hz triangle (default: itae_step)')
+        help='ITAE of a unit step, or of the scan in MODEL (default: itae_step)')
     parser.add_argument(
         '--max-sensitivity', type=float, default=2.0, metavar='M', help='limit on |S| (default: 2)')
     parser.add_argument(
@@ -107,10 +108,10 @@ def _tune(options: argparse.Namespace) -> int:
         print(f'piezo: {options.output} exists; --force replaces it', file=sys.stderr)
         return 2
     try:
-        model = LinearDynamics(read_node_model(options.model, 'trajectory', DynamicsParameters))
+        model = read_dynamics(options.model)
         bound = _bound(options.bound)
         tuning = tune_pi(
-            model, bound=bound, objective=options.objective,
+            model, bound=bound, objective=_objective(options, model),
             max_sensitivity=options.max_sensitivity,
             uncertainty_limit=options.uncertainty_limit,
             measurement_delay_samples=options.measurement_delay_samples,
@@ -119,7 +120,9 @@ def _tune(options: argparse.Namespace) -> int:
             model, paper.TABLE_2['proportional_gain'], paper.TABLE_2['integral_gain_per_s'],
             sample_period_s=options.sample_period_s,
             measurement_delay_samples=options.measurement_delay_samples, bound=bound)
-        points = () if options.no_operating_points else predicted_points(options, tuning, bound)
+        # Predictions simulate the rig, whose dynamics are (6).
+        points = predicted_points(options, tuning, bound) if (
+            isinstance(model, LinearDynamics) and not options.no_operating_points) else ()
         options.output.write_text(
             tuning.to_parameter_yaml(
                 source=str(options.model), table=feedback_table(points) if points else None),
@@ -138,6 +141,13 @@ def _tune(options: argparse.Namespace) -> int:
         print(operating_points_text(points, options))
     print(f'gains: {options.output}')
     return 0
+
+
+def _objective(options: argparse.Namespace, model: 'Model') -> str | TrajectoryParameters:
+    if options.objective != 'itae_scan' or not isinstance(model, LinearDynamics):
+        return str(options.objective)
+    return read_node_model(options.model, 'trajectory', TrajectoryParameters).replaced(
+        sample_period_s=options.sample_period_s)
 
 
 def _bound(path: Path | None) -> 'Bound | None':

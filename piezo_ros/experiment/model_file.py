@@ -4,17 +4,22 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
+import numpy as np
+
 from piezo_ros.experiment.errors import PlanError
 from piezo_ros.experiment.node_parameters import check_node_parameters
 from piezo_ros.experiment.parameter_file import read_parameter_file, read_yaml
-from piezo_ros.model import ParameterError, ParameterSet
+from piezo_ros.model import DynamicsParameters, LinearDynamics, ParameterError, ParameterSet
 
 if TYPE_CHECKING:
     import control
 
-__all__ = ['BOUND_KIND', 'read_bound', 'read_node_model']
+    from piezo_ros.identification.linear_plant import Model
+
+__all__ = ['BOUND_KIND', 'RATIONAL_KIND', 'read_bound', 'read_dynamics', 'read_node_model']
 
 BOUND_KIND = 'uncertainty_bound'
+RATIONAL_KIND = 'rational_dynamics'
 FORMAT_VERSION = 1
 _Set = TypeVar('_Set', bound=ParameterSet)
 
@@ -63,14 +68,41 @@ def read_bound(path: Path) -> 'control.TransferFunction':
 
     """
     import control
-    content = read_yaml(path)
-    if not isinstance(content, Mapping) or content.get('kind') != BOUND_KIND:
-        raise PlanError(f'{path} is no {BOUND_KIND}')
-    if content.get('format_version') != FORMAT_VERSION:
-        raise PlanError(
-            f'{path}: format_version is {content.get("format_version")!r}, only {FORMAT_VERSION} '
-            'is known')
+    content = _read_kind(path, read_yaml(path), BOUND_KIND)
     try:
         return control.tf(content['numerator'], content['denominator'])
     except (KeyError, TypeError, ValueError) as error:
         raise PlanError(f'{path}: {error}') from None
+
+
+def read_dynamics(path: Path) -> 'Model':
+    """
+    Return G(s) out of a file that ``piezo identify dynamics`` wrote, (6) or a rational one.
+
+    Raises
+    ------
+    PlanError
+        If the file is of another kind or of an unknown version.
+
+    """
+    content = read_yaml(path)
+    if not (isinstance(content, Mapping) and 'kind' in content):
+        return LinearDynamics(read_node_model(path, 'trajectory', DynamicsParameters))
+    from piezo_ros.identification.linear_plant import LinearPlant
+    content = _read_kind(path, content, RATIONAL_KIND)
+    try:
+        return LinearPlant(
+            np.array(content['numerator'], dtype=np.float64),
+            np.array(content['denominator'], dtype=np.float64), float(content['delay_s']))
+    except (KeyError, TypeError, ValueError) as error:
+        raise PlanError(f'{path}: {error}') from None
+
+
+def _read_kind(path: Path, content: Any, kind: str) -> Mapping[str, Any]:
+    if not isinstance(content, Mapping) or content.get('kind') != kind:
+        raise PlanError(f'{path} is no {kind}')
+    if content.get('format_version') != FORMAT_VERSION:
+        raise PlanError(
+            f'{path}: format_version is {content.get("format_version")!r}, only {FORMAT_VERSION} '
+            'is known')
+    return content

@@ -1,5 +1,6 @@
 """``piezo identify``, and a stage that is not the paper's, by the commands of the README."""
 
+import csv
 import json
 import re
 import shlex
@@ -117,6 +118,58 @@ def test_beside_the_model_of_a_hysteresis_lies_a_picture_of_what_it_leaves(stage
     assert ElementTree.parse(picture).getroot().tag.endswith('svg')
     for words in ('residual (nm)', 'voltage (V)', 'MRC, 10 elements', 'nm rms'):
         assert words in picture.read_text(encoding='utf-8')
+
+
+def test_beside_the_dynamics_lie_the_measured_points_and_a_picture(stage):
+    ElementTree.fromstring((stage / 'trajectory.svg').read_text())
+    rows = list(csv.DictReader((stage / 'trajectory.csv').read_text().splitlines()))
+    excited = read_plan(EXAMPLE / 'identify.yaml').runs[1].trajectory.frequencies_hz
+    assert [float(row['frequency_hz']) for row in rows] == pytest.approx(excited, rel=0.05)
+    used = [row for row in rows if not row['left_out']]
+    assert len(used) > 0.8 * len(rows)
+    for row in used:
+        assert 0.99 < float(row['coherence']) <= 1.0 + 1e-12
+        assert 0.0 < float(row['confidence_radius']) < 0.05
+    for row in rows:
+        if row['left_out']:
+            assert row['magnitude'] == ''
+
+
+def test_a_rational_model_of_other_orders_serves_to_tune(stage, identify, tmp_path, capsys):
+    code, out, _ = identify(
+        'dynamics', *sorted((stage / 'runs' / 'bags').glob('001_*')), '--compensator',
+        stage / 'compensator.yaml', '--orders', 3, 6, '--fit-delay')
+    assert code == 0
+    model = yaml.safe_load((tmp_path / 'model.yaml').read_text())
+    assert model['kind'] == 'rational_dynamics'
+    assert (len(model['numerator']), len(model['denominator'])) == (4, 7)
+    assert model['delay_s'] >= 0.0
+    assert model['standard_errors'].keys() <= {line.split()[0] for line in out.splitlines()}
+    gains = tmp_path / 'gains.yaml'
+    assert main(['tune', str(tmp_path / 'model.yaml'), '--sample-period-s', '1e-4', '--bound',
+                 'none', '-o', str(gains)]) == 0
+    assert 'scheme to use' not in capsys.readouterr().out
+    # The same stage, so much the same gain.
+    own, of_six = (parameters(path, 'controller')['integral_gain_per_s'] for path in (
+        gains, stage / 'controller.yaml'))
+    assert own == pytest.approx(of_six, rel=0.1)
+
+
+def test_a_delay_is_fitted_with_other_orders_only(stage, identify):
+    code, _, err = identify(
+        'dynamics', *sorted((stage / 'runs' / 'bags').glob('001_*')), '--compensator',
+        stage / 'compensator.yaml', '--fit-delay')
+    assert code == 1
+    assert '--fit-delay belongs to --orders' in err
+
+
+def test_beside_a_bound_lies_a_picture_of_it(stage, identify, tmp_path):
+    code, out, _ = identify(
+        'uncertainty', *sorted((stage / 'runs' / 'bags').glob('001_*')), '--compensator',
+        stage / 'compensator.yaml', '--model', stage / 'trajectory.yaml')
+    assert code == 0
+    assert '|W| is above every one of' in out
+    ElementTree.fromstring((tmp_path / 'model.svg').read_text())
 
 
 def test_without_matplotlib_the_model_is_written_alone(triangle, identify, tmp_path, monkeypatch):

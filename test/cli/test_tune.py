@@ -156,6 +156,15 @@ def test_a_model_that_is_none_fails_in_words(tmp_path, tune, text, complaint):
     assert complaint in err
 
 
+def test_the_scan_of_the_model_may_be_what_is_tuned_for(tmp_path, tune):
+    path = dynamics(tmp_path)
+    values = yaml.safe_load(path.read_text())
+    values['/**/trajectory']['ros__parameters'].update(waveform='sine', frequency_hz=100.0)
+    path.write_text(yaml.safe_dump(values))
+    assert tune(path, '--objective', 'itae_scan')[0] == 0
+    assert '15 periods of sine, 1 um, 100 Hz' in (tmp_path / 'controller.yaml').read_text()
+
+
 POINTS = (
     '--amplitudes-um', 1.0, 2.5, '--frequencies-hz', 300, 500, 800, '--harmonics', 9,
     '--plant', ROOT / 'config' / 'rig.yaml')
