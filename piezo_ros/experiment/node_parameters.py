@@ -42,6 +42,9 @@ class StageParameters(ParameterSet):
         minimum=-1, maximum=2**53)
     handshake_timeout_s: float = parameter(
         10.0, 's', 'how long activation waits for the peers', minimum=0.0, maximum=1e6)
+    lost_writer_timeout_s: float = parameter(
+        0.5, 's', 'how long an input may be without a writer during a run',
+        minimum=0.0, maximum=1e6, change='running')
     required_readers: int = parameter(
         1, '', 'readers that each output needs before the run starts: 2 with a recorder',
         minimum=0, maximum=1000)

@@ -22,7 +22,7 @@ from piezo_ros.nodes.demand import DemandWriter
 from piezo_ros.nodes.law_schedule import LawSchedule
 from piezo_ros.nodes.parameters import read
 from piezo_ros.nodes.stage import Stage
-from piezo_ros.nodes.streams import StreamFault
+from piezo_ros.nodes.streams import StreamFault, StreamReader
 
 __all__ = ['Controller']
 
@@ -299,6 +299,14 @@ class Controller(Stage):
         except ParameterError as error:
             return str(error)
         return ''
+
+    def has_waiting(self, reader: StreamReader) -> bool:
+        """Return whether samples wait: in blocks, one stream comes long before the others."""
+        return bool(reader.queue) or reader.fill()
+
+    def quiesce(self) -> None:
+        """Ask for nothing more."""
+        self._demand.end()
 
     def parameters_changed(self) -> None:
         """Forget the sample of a change; it holds for one call alone."""

@@ -1,15 +1,22 @@
-"""The demand: how far the trajectory may send, published by whoever consumes its samples."""
+"""
+The demand: how far the trajectory may send, published by whoever consumes its samples.
+
+It only grows during a run. A zero says that nothing more is wanted.
+"""
 
 from typing import TYPE_CHECKING
 
 from std_msgs.msg import UInt64
 
 from piezo_ros.nodes.qos import LATCHED
+from piezo_ros.nodes.streams import StreamFault
 
 if TYPE_CHECKING:
     from piezo_ros.nodes.stage import Stage
 
-__all__ = ['DemandWriter']
+__all__ = ['NO_MORE', 'DemandReader', 'DemandWriter']
+
+NO_MORE = 'no more samples are demanded'
 
 
 class DemandWriter:
@@ -40,3 +47,74 @@ class DemandWriter:
         if consumed >= self._renew_at:
             self._renew_at = consumed + (self._lookahead + 1) // 2
             self._publisher.publish(UInt64(data=consumed + self._lookahead))
+
+    def end(self) -> None:
+        """Ask for nothing more."""
+        self._publisher.publish(UInt64(data=0))
+
+
+class DemandReader:
+    """
+    Takes the newest demand.
+
+    Parameters
+    ----------
+    stage : Stage
+        The trajectory.
+
+    Attributes
+    ----------
+    limit : int
+        Samples below this index are demanded.
+    ended : bool
+        Whether nothing more is wanted.
+
+    """
+
+    def __init__(self, stage: 'Stage') -> None:
+        self._subscription = stage.create_own_subscription(UInt64, 'demand', LATCHED)
+        self._take_message = self._subscription.handle.take_message
+        self.start()
+
+    def start(self) -> None:
+        """Begin a run."""
+        self.limit = 0
+        self.ended = False
+        self._lost_at_s: float | None = None
+
+    @property
+    def topic_name(self) -> str:
+        """The full name of the topic."""
+        return self._subscription.topic_name
+
+    @property
+    def writers(self) -> int:
+        """Number of its writers."""
+        return self._subscription.get_publisher_count()
+
+    def take(self) -> bool:
+        """Take the newest demand; return whether there is a new one."""
+        taken = self._take_message(UInt64, False)
+        if taken is None:
+            return False
+        # A zero before anything was demanded is the end of an earlier run.
+        self.ended = taken[0].data == 0 and self.limit > 0
+        self.limit = max(self.limit, taken[0].data)
+        return True
+
+    def check_writer(self, now_s: float, timeout_s: float) -> None:
+        """
+        Look whether there is still somebody who demands.
+
+        Raises
+        ------
+        StreamFault
+            If there has been nobody for some time.
+
+        """
+        if self.writers:
+            self._lost_at_s = None
+        elif self._lost_at_s is None:
+            self._lost_at_s = now_s
+        elif now_s - self._lost_at_s > timeout_s:
+            raise StreamFault(f'{self.topic_name} lost its writer')

@@ -18,6 +18,7 @@ from std_msgs.msg import String
 from piezo_ros.experiment.campaign import RunResult
 from piezo_ros.experiment.errors import CampaignError
 from piezo_ros.experiment.plan import PlannedRun
+from piezo_ros.nodes.demand import NO_MORE
 from piezo_ros.nodes.process_group import POLL_S, ProcessGroup
 from piezo_ros.nodes.rescue import rescue
 from piezo_ros.nodes.run_parameters import run_parameters
@@ -156,7 +157,7 @@ class _LiveRun:
         if recorded and self.processes.runs('recorder'):
             return False
         states = [self.statuses.get(stage, {}).get('state') for stage in self.planned.stages]
-        if all(state in ('finished', 'faulted') for state in states):
+        if all(state in ('finished', 'faulted', 'stopped') for state in states):
             return True
         if not recorded:
             return False
@@ -173,7 +174,8 @@ class _LiveRun:
         """End every process, remembering whose run was over before."""
         self._stopped_early = {
             name: status['reason'] for name, status in self.statuses.items()
-            if status['state'] == 'stopped'}
+            # Whoever stops demanding has said why.
+            if status['state'] == 'stopped' and status['reason'] != NO_MORE}
         self.processes.stop()
 
     def problems(self, *, stopped: bool) -> list[str]:

@@ -100,7 +100,8 @@ def _serve(make_stages: Callable[[], Sequence[Stage]], stop: _Stop) -> int:
             _stream_loop(stages, stop)
         cut_short = False
         for stage in stages:
-            cut_short = stage.running or cut_short
+            stopped = stage.starts_itself and stage.result == 'stopped'
+            cut_short = stage.running or stopped or cut_short
             stage.stop(
                 signal.Signals(stop.signal_number).name if stop.signal_number
                 else 'another stage of this process ended')

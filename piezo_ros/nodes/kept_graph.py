@@ -23,6 +23,7 @@ from std_msgs.msg import String
 from piezo_ros.experiment.campaign import RunResult
 from piezo_ros.experiment.errors import CampaignError
 from piezo_ros.experiment.plan import PlannedRun
+from piezo_ros.nodes.demand import NO_MORE
 from piezo_ros.nodes.process_group import POLL_S, ProcessGroup
 from piezo_ros.nodes.rescue import rescue
 from piezo_ros.nodes.run_parameters import run_parameters
@@ -132,8 +133,9 @@ class KeptGraph(Supervisor):
             # The voltage at its end is worth waiting for.
             self._spin_until(
                 lambda: self._state_of('plant') != 'active', timeout_s=_LAST_STATUS_S)
+            reasons = {node: self._statuses[node]['reason'] for node in cut_short()}
             raise CampaignError('; '.join(
-                f'{node}: {self._statuses[node]["reason"]}' for node in cut_short()))
+                f'{node}: {reason}' for node, reason in reasons.items() if reason != NO_MORE))
         plant = dict(self._statuses['plant'])
         for transition in (Transition.TRANSITION_DEACTIVATE, Transition.TRANSITION_CLEANUP):
             for node in nodes:

@@ -19,7 +19,7 @@ from piezo_ros.nodes.pace import Pace
 from piezo_ros.nodes.parameters import read
 from piezo_ros.nodes.simulated_clock import SimulatedClock
 from piezo_ros.nodes.stage import ServiceRefusedError, Stage
-from piezo_ros.nodes.streams import StreamFault
+from piezo_ros.nodes.streams import StreamFault, StreamReader
 
 __all__ = ['Plant']
 
@@ -163,6 +163,10 @@ class Plant(Stage):
                 f'no voltage for {self._safety.watchdog_s:g} s after sample '
                 f'{self._voltage.next_index - 1}')
 
+    def has_waiting(self, reader: StreamReader) -> bool:
+        """Return whether a paced plant has not come to what was sent yet."""
+        return self._held is not None
+
     def parameters_changed(self) -> None:
         """Take over new limits of the watchdog and of the safe slew."""
         self._safety = read(self, SafetyParameters)
@@ -179,6 +183,8 @@ class Plant(Stage):
             self._hold(self._voltage_v, 0.0)
         if self._clock_writer:
             self._clock_writer.stop()
+        if self._demand:
+            self._demand.end()
 
     def initialise(self) -> str:
         """Demagnetise the stage with a decaying triangle; the inverse assumes one without past."""

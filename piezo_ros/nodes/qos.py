@@ -1,8 +1,20 @@
 """Quality of service of the project's topics."""
 
-from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+import copy
+from typing import Any
 
-__all__ = ['CLOCK', 'DIAGNOSTICS', 'EVERY_STATUS', 'LATCHED', 'NEWEST', 'STREAM']
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos_overriding_options import QoSOverridingOptions
+
+__all__ = [
+    'CLOCK',
+    'DIAGNOSTICS',
+    'EVERY_STATUS',
+    'LATCHED',
+    'NEWEST',
+    'STREAM',
+    'overridable',
+]
 
 # A reader that does not take blocks the writer; nothing is ever dropped.
 STREAM = QoSProfile(
@@ -33,3 +45,16 @@ DIAGNOSTICS = QoSProfile(
 CLOCK = QoSProfile(
     history=HistoryPolicy.KEEP_LAST, depth=1, reliability=ReliabilityPolicy.RELIABLE,
     durability=DurabilityPolicy.VOLATILE)
+
+
+def overridable(profile: QoSProfile) -> dict[str, Any]:
+    """
+    Return the arguments of an endpoint whose quality of service users may override.
+
+    History, depth and reliability are the parameters ``qos_overrides.<topic>.publisher.history``
+    and so on, read when the endpoint is created.
+    """
+    return {
+        # What is overridden is written into the profile.
+        'qos_profile': copy.copy(profile),
+        'qos_overriding_options': QoSOverridingOptions.with_default_policies()}

@@ -24,7 +24,7 @@ from std_srvs.srv import Trigger
 from piezo_ros.experiment.node_parameters import NODE_PARAMETERS, StageParameters
 from piezo_ros.nodes.observation import Diagnostics, Monitor
 from piezo_ros.nodes.parameters import declare, fixed_during_run, plain, read
-from piezo_ros.nodes.qos import LATCHED
+from piezo_ros.nodes.qos import LATCHED, overridable
 from piezo_ros.nodes.streams import StreamFault, StreamReader, StreamWriter
 
 __all__ = ['ServiceRefusedError', 'Stage']
@@ -363,14 +363,26 @@ class Stage(LifecycleNode):
             self.watch(now_s)
             if now_s >= self._next_check:
                 self._next_check = now_s + _CHECK_PEERS_S
-                for stream, reader in self.readers.items():
-                    if stream in self.required_inputs():
-                        reader.check_writer()
+                self._check_writers()
         except StreamFault as fault:
             self.fail(str(fault))
             return
         if now_s >= self._next_report:
             self._report('active')
+
+    def _check_writers(self) -> None:
+        timeout_s = self.settings.lost_writer_timeout_s
+        required = self.required_inputs()
+        for stream, reader in self.readers.items():
+            if stream in required and not reader.check_writer(timeout_s):
+                if not self.has_waiting(reader):
+                    raise StreamFault(
+                        f'{reader.subscription.topic_name} lost its writer after sample '
+                        f'{reader.next_index - 1}')
+
+    def has_waiting(self, reader: StreamReader) -> bool:
+        """Return whether samples of an input wait, so that its writer may be gone by now."""
+        return False
 
     def begin_at(self, index: int) -> None:
         """Give the outputs the index that an input has begun at (``start_index`` -1)."""
@@ -432,7 +444,7 @@ class Stage(LifecycleNode):
         self, message_type: Any, topic: str, qos: QoSProfile,
     ) -> Publisher[Any]:
         """Create a publisher beside the streams; it goes when the stage is cleaned up."""
-        publisher = self.create_publisher(message_type, topic, qos)
+        publisher = self.create_publisher(message_type, topic, **overridable(qos))
         self._own_publishers.append(publisher)
         return publisher
 
@@ -448,7 +460,8 @@ class Stage(LifecycleNode):
         self, message_type: Any, topic: str, qos: QoSProfile,
     ) -> Subscription[Any]:
         """Create a subscription that the stream loop takes from, hidden from the executor."""
-        subscription = self.create_subscription(message_type, topic, _never_called, qos)
+        subscription = self.create_subscription(
+            message_type, topic, callback=_never_called, **overridable(qos))
         self._stream_subscriptions.add(subscription)
         return subscription
 

@@ -23,7 +23,7 @@ from piezo_ros.bag.block import (
     OtherEncodingError,
     block_from_message_fields,
 )
-from piezo_ros.nodes.qos import STREAM
+from piezo_ros.nodes.qos import STREAM, overridable
 
 if TYPE_CHECKING:
     from piezo_ros.nodes.stage import Stage
@@ -42,7 +42,8 @@ class StreamWriter:
 
     def __init__(self, stage: 'Stage', stream: str) -> None:
         self.stream = stream
-        self.publisher = stage.create_publisher(Float64MultiArray, stream, STREAM)
+        self.publisher = stage.create_publisher(
+            Float64MultiArray, stream, **overridable(STREAM))
         self.sent = 0  # samples
         self.newest = 0.0
         self.is_waiting = False  # for a reader that does not take
@@ -264,18 +265,24 @@ class StreamReader:
             for _ in range(count):
                 self.queue.popleft()
 
-    def check_writer(self) -> None:
+    def check_writer(self, timeout_s: float) -> bool:
         """
-        Look whether the stream still has exactly one writer.
+        Return whether the stream still has a writer, or has had one lately.
+
+        Parameters
+        ----------
+        timeout_s : float
+            How long it may have none, nothing arriving in the meantime.
 
         Raises
         ------
         StreamFault
-            If it has several, or has had none for half a second in which nothing arrived.
+            If it has several writers.
 
         """
-        if self.ended:
-            return
+        # Who has sent nothing but what was refused was no part of the run.
+        if self.ended or (self.refused and not self.received):
+            return True
         writers = self.subscription.get_publisher_count()
         if writers > 1:
             raise StreamFault(f'{self.subscription.topic_name} has {writers} writers')
@@ -285,10 +292,7 @@ class StreamReader:
         elif self._lost_at_s is None or self._received_then != self.received:
             self._lost_at_s = now
             self._received_then = self.received
-        elif now - self._lost_at_s > 0.5:
-            raise StreamFault(
-                f'{self.subscription.topic_name} lost its writer after sample '
-                f'{self.next_index - 1}')
+        return self._lost_at_s is None or now - self._lost_at_s <= timeout_s
 
     def _accept_other(self, index: int, period_s: float) -> bool:
         """Decide on a block that is not simply the next one."""

@@ -2,12 +2,10 @@
 
 from typing import Any
 
-from std_msgs.msg import UInt64
-
 from piezo_ros.control.trajectory import TrajectoryParameters, trajectory_blocks
 from piezo_ros.experiment.node_parameters import BlockParameters
+from piezo_ros.nodes.demand import NO_MORE, DemandReader
 from piezo_ros.nodes.parameters import read
-from piezo_ros.nodes.qos import LATCHED
 from piezo_ros.nodes.stage import Stage
 
 __all__ = ['Trajectory']
@@ -35,12 +33,11 @@ class Trajectory(Stage):
 
     def create_endpoints(self) -> None:
         """Create the subscription of the demand."""
-        self._demand = self.create_own_subscription(UInt64, 'demand', LATCHED)
-        self._take_demand = self._demand.handle.take_message
+        self._demand = DemandReader(self)
 
     def missing_peers(self) -> str:
         """Return whether somebody demands samples."""
-        writers = self._demand.get_publisher_count()
+        writers = self._demand.writers
         if writers != 1:
             return f'{self._demand.topic_name} has {writers} writers, exactly one is needed'
         return ''
@@ -50,6 +47,7 @@ class Trajectory(Stage):
         self._streams = [self.writers[stream] for stream in self.outputs]
         self._index = max(self.settings.start_index, 0)
         self._limit = 0
+        self._demand.start()
         self._turns = 0
 
     def poll(self) -> bool:
@@ -59,10 +57,12 @@ class Trajectory(Stage):
             self._turns += 1
             if self._turns % _TURNS_PER_LOOK:
                 return False
-            taken = self._take_demand(UInt64, False)
-            if taken is None:
+            if not self._demand.take():
                 return False
-            self._limit = min(max(self._limit, taken[0].data), self._samples)
+            if self._demand.ended:
+                self.stop(NO_MORE)
+                return True
+            self._limit = min(self._demand.limit, self._samples)
         count = min(self._limit - self._index, self._block_samples)
         if count > 0:
             blocks = self._blocks(self._index, count)
@@ -73,6 +73,10 @@ class Trajectory(Stage):
         if self._index >= self._samples:
             self.finish()
         return True
+
+    def watch(self, now_s: float) -> None:
+        """End the run when nobody is left to demand samples."""
+        self._demand.check_writer(now_s, self.settings.lost_writer_timeout_s)
 
     def status_fields(self) -> dict[str, Any]:
         """Return the length of the run."""
