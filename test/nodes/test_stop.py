@@ -7,7 +7,7 @@ import time
 import pytest
 from rosbags.rosbag2 import Reader
 
-from piezo_ros.bag import read
+from piezo_ros.bag import STREAMS, read
 
 KILL, TERM, INT = signal.SIGKILL, signal.SIGTERM, signal.SIGINT
 
@@ -44,7 +44,8 @@ def test_ctrl_c_at_any_moment_of_the_start_leaves_nothing_behind(
 
 def _assert_readable_or_empty(bag):
     with Reader(bag) as reader:
-        if reader.message_count == 0:
+        # Streams that were ended before they began have an end and no sample.
+        if reader.message_count <= len(STREAMS):
             return
     assert not read(bag).lost
 

@@ -70,6 +70,8 @@ class Peer:
         """Serve this node until a condition holds."""
         def turn():
             self._executor.spin_once(0.02)
+            for _ in range(50):  # a stream has many messages
+                self._executor.spin_once(0.0)
             return condition()
         return self._until(turn, what)
 
@@ -123,10 +125,22 @@ class Peer:
 
 
 @pytest.fixture
-def peer(rig, until):
-    peer = Peer(rig, until)
-    yield peer
-    peer.destroy()
+def make_peer(until):
+    """Make peers that end with the test."""
+    peers = []
+
+    def make(rig):
+        peers.append(Peer(rig, until))
+        return peers[-1]
+
+    yield make
+    for peer in peers:
+        peer.destroy()
+
+
+@pytest.fixture
+def peer(rig, make_peer):
+    return make_peer(rig)
 
 
 @pytest.fixture

@@ -1,0 +1,127 @@
+"""A recorded run played into live nodes, by a player that knows nothing of the project."""
+
+import itertools
+import time
+
+import numpy as np
+import pytest
+import rclpy
+from mcap.reader import make_reader
+from rclpy.context import Context
+from rclpy.qos import QoSProfile
+from rclpy.signals import SignalHandlerOptions
+from rosbags.rosbag2 import Reader
+from std_msgs.msg import Float64MultiArray
+
+from piezo_ros.bag import read
+
+# Stage -> the streams that are played into it, and the one that it must answer with.
+STAGES = {
+    'controller': (('reference', 'feedforward', 'displacement'), 'command'),
+    'compensator': (('command',), 'voltage'),
+    'plant': (('voltage',), 'displacement'),
+}
+RATES = ('all at once', 'bursts', 'one by one')
+
+
+class Player:
+    """Publishes the messages of a bag on topics of the same names, at its own pace."""
+
+    def __init__(self, rig, bag, streams):
+        self._context = Context()
+        rclpy.init(
+            args=[], context=self._context, domain_id=rig.domain,
+            signal_handler_options=SignalHandlerOptions.NO)
+        self._node = rclpy.create_node('player', context=self._context)
+        self._messages = []
+        self.publishers = {}
+        with Reader(bag) as reader:
+            for connection in reader.connections:
+                stream = connection.topic.rpartition('/')[2]
+                if stream in streams:
+                    (recorded,) = connection.ext.offered_qos_profiles
+                    qos = QoSProfile(
+                        history=recorded.history.value, depth=recorded.depth,
+                        reliability=recorded.reliability.value,
+                        durability=recorded.durability.value)
+                    self.publishers[connection.topic] = self._node.create_publisher(
+                        Float64MultiArray, connection.topic, qos)
+            for connection, _, raw in reader.messages():
+                if connection.topic in self.publishers:
+                    self._messages.append((self.publishers[connection.topic], bytes(raw)))
+
+    def matched(self):
+        return all(
+            publisher.get_subscription_count() for publisher in self.publishers.values())
+
+    def play(self, rate):
+        size = {'all at once': len(self._messages), 'bursts': 40, 'one by one': 1}[rate]
+        for number, (publisher, raw) in enumerate(self._messages, start=1):
+            publisher.publish(raw)
+            if number % size == 0:
+                time.sleep({'bursts': 0.02, 'one by one': 0.0005}.get(rate, 0.0))
+
+    def destroy(self):
+        self._node.destroy_node()
+        rclpy.try_shutdown(context=self._context)
+
+
+@pytest.fixture(scope='module')
+def recorded(make_rig, write_plan):
+    """A rig in whose namespace two runs were recorded, and their bags."""
+    rig = make_rig()
+    process = rig.piezo(
+        'run', write_plan('fbff', 'ff', periods=2), '-o', rig.directory / 'out', '--composed')
+    assert process.wait() == 0, process.output
+    return rig, sorted((rig.directory / 'out' / 'bags').iterdir())
+
+
+@pytest.fixture
+def recorded_peer(recorded, make_peer):
+    return make_peer(recorded[0])
+
+
+def _parameter_file(bag, path):
+    """Write what a bag tells of its nodes, as it is."""
+    with next(bag.glob('*.mcap')).open('rb') as file:
+        (attachment,) = make_reader(file).iter_attachments()
+    path.write_bytes(attachment.data)
+    return path
+
+
+@pytest.mark.parametrize('stage', STAGES)
+def test_a_played_bag_gives_the_recorded_stream_again_whatever_the_rate(
+        recorded, recorded_peer, tmp_path, stage):
+    rig, bags = recorded
+    peer = recorded_peer
+    played, answered = STAGES[stage]
+    peer.read(answered)
+    for bag, scheme in zip(bags, ('fbff', 'ff'), strict=True):
+        expected = read(bag).whole(answered)[1]
+        # The parameters of the recorded node, and one reader where there were two.
+        process = rig.start_node(
+            stage, '--params-file', str(_parameter_file(bag, tmp_path / f'{scheme}.yaml')),
+            '-p', 'autostart:=false', '-p', 'handshake_timeout_s:=60.0',
+            '-p', 'required_readers:=1', '-p', 'compiled:=false')
+        assert peer.change_state(stage, 'configure')
+        for rate, before in zip(RATES, itertools.cycle((True, False)), strict=False):
+            player = Player(rig, bag, played)
+            peer.wait(player.matched, 'the node to be discovered')
+            if before:
+                player.play(rate)
+            assert peer.change_state(stage, 'activate')
+            if not before:
+                player.play(rate)
+            peer.wait_for_status(stage, state='finished', index=expected.size, refused=0)
+            samples = peer.wait_for_samples(answered, expected.size)
+            np.testing.assert_array_equal(
+                np.array(samples).view(np.uint64), expected.view(np.uint64))
+            assert peer.change_state(stage, 'deactivate')
+            player.destroy()
+            peer.wait(
+                lambda: len(peer.received[answered][-1].data) == 2, 'the end of the stream')
+            peer.received[answered].clear()
+        assert peer.change_state(stage, 'inactive_shutdown')
+        assert process.wait() == 0, process.output
+        for word in ('WARN', 'ERROR', 'Traceback'):
+            assert word not in process.output
