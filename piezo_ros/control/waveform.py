@@ -62,6 +62,9 @@ class WaveformParameters(ParameterSet):
     dwell_s: float = parameter(
         0.1, 's', 'time that a stepped sine is evaluated at each frequency, at least 8 periods',
         minimum=0.0, maximum=1e6)
+    settle_s: float = parameter(
+        0.01, 's', 'time that a stepped sine lets pass before, at least 3 periods; longer than the '
+        'slowest resonance rings', minimum=0.0, maximum=1e6)
     frequency_hz: float = parameter(
         300.0, 'Hz', 'fundamental frequency', minimum=1e-6, maximum=1e9)
     periods: float = parameter(
@@ -127,7 +130,9 @@ def excitation_of(parameters: WaveformParameters) -> Excitation:
     p = parameters
     longest_s = p.periods / p.frequency_hz
     if p.waveform == 'stepped_sine':
-        longest_s = sum(max(p.dwell_s, 8.0 / frequency_hz) for frequency_hz in p.frequencies_hz)
+        longest_s = sum(
+            max(p.dwell_s, 8.0 / frequency_hz) + max(p.settle_s, 3.0 / frequency_hz)
+            for frequency_hz in p.frequencies_hz)
     if longest_s / p.sample_period_s > MOST_TABLE_SAMPLES:
         raise ParameterError(
             f'a {p.waveform} of {longest_s:g} s has more than {MOST_TABLE_SAMPLES} samples of '
@@ -136,7 +141,7 @@ def excitation_of(parameters: WaveformParameters) -> Excitation:
         if p.waveform == 'stepped_sine':
             return stepped_sine(
                 p.frequencies_hz, p.amplitude, p.sample_period_s, offset=p.offset,
-                dwell_s=p.dwell_s)
+                dwell_s=p.dwell_s, settle_s=p.settle_s)
         if p.waveform == 'multisine':
             lines = sorted({max(1, round(f / p.frequency_hz)) for f in p.frequencies_hz})
             return multisine(

@@ -44,6 +44,7 @@ _SHORT_KEYS: Final = {
     'offset_um': 'trajectory',
     'offset_v': 'trajectory',
     'dwell_s': 'trajectory',
+    'settle_s': 'trajectory',
 }
 _CHANGES: Final = 'changes'
 

@@ -200,7 +200,7 @@ def crossing_frequency_hz(
     frequency_hz: ArrayLike, ff_error: ArrayLike, fbff_error: ArrayLike,
 ) -> float:
     """
-    Return the frequency from which on feedback does harm.
+    Return the frequency that best divides where feedback helps from where it does harm.
 
     Parameters
     ----------
@@ -212,17 +212,20 @@ def crossing_frequency_hz(
     Returns
     -------
     float
-        Interpolated where the ratio of the errors last rises through 1; infinite where feedback
-        helps at the highest frequency, 0 where it helps at none.
+        Interpolated where the ratio of the errors rises through 1; infinite where feedback helps up
+        to the highest frequency, 0 where it is better done without. Of several crossings the one
+        that costs the least error (geometric mean over the frequencies) with feedback below and
+        none above; the lowest of equals.
 
     """
     frequency = np.asarray(frequency_hz, dtype=np.float64)
     excess = np.log(np.asarray(fbff_error) / np.asarray(ff_error))
-    helpful = np.flatnonzero(excess < 0.0)
-    if not helpful.size:
+    # With feedback at the first k frequencies the error is that of FF and the first k excesses.
+    with_feedback = int(np.argmin(np.concatenate([[0.0], np.cumsum(excess)])))
+    if with_feedback == 0:
         return 0.0
-    last = int(helpful[-1])
-    if last + 1 == frequency.size:
+    if with_feedback == frequency.size:
         return math.inf
+    last = with_feedback - 1
     share = -excess[last] / (excess[last + 1] - excess[last])
     return float(frequency[last] + share * (frequency[last + 1] - frequency[last]))
