@@ -17,7 +17,7 @@ TEST_READY := $(VENV)/.stamp-test
 METADATA := setup.py setup.cfg .ci/setup-venv
 
 .DEFAULT_GOAL := help
-.PHONY: help demo paper test test-slow lint clean
+.PHONY: help demo paper test test-slow lint docs clean
 
 help:  ## this list
 	@sed -nE 's/^([a-z-]+):.*## (.*)/make \1|\2/p' Makefile | awk -F'|' '{printf "  %-16s%s\n", $$1, $$2}'
@@ -38,6 +38,9 @@ lint: $(TEST_READY)  ## style, types and tiers alone
 	$(BIN)/ruff check
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+
+docs: $(DEMO_READY)  ## print docs/parameters.md and docs/launch.md from the code
+	$(BIN)/python -m piezo_ros.experiment.reference_pages docs
 
 clean:  ## remove .venv, what was built and what tools cached; out/ stays
 	rm -rf $(VENV) build dist install log *.egg-info

@@ -12,11 +12,7 @@ from typing import Any, Final, NamedTuple
 
 import yaml
 
-from piezo_ros.experiment.node_parameters import (
-    NODE_PARAMETERS,
-    check_node_parameters,
-    parameter_names,
-)
+from piezo_ros.experiment.node_parameters import NODE_PARAMETERS, check_node_parameters
 from piezo_ros.experiment.parameter_file import read_parameter_file
 from piezo_ros.model import ParameterError
 from piezo_ros.model.parameters import constraint_of
@@ -39,8 +35,7 @@ _FILES: Final = {
     'controller': 'controller_file',
     'trajectory': 'trajectory_file',
 }
-_PLANT_PARAMETERS: Final = tuple(
-    name for name in ('realtime_factor', 'publish_clock') if name in parameter_names('plant'))
+_PLANT_PARAMETERS: Final = ('realtime_factor', 'publish_clock')
 _TRUE_FALSE: Final = ('true', 'false')
 _UNTIL_TOLD_S: Final = -1.0
 
@@ -81,8 +76,7 @@ def _text(value: Any) -> str:
 
 _COMMON: Final = (
     LaunchArgument('namespace', '', 'namespace of all nodes; a rig of its own in each'),
-    LaunchArgument(
-        'rig_file', 'rig.yaml', 'parameter file of the plant'),
+    LaunchArgument('rig_file', 'rig.yaml', 'parameter file of the plant'),
     LaunchArgument('compensator_file', 'compensator.yaml', 'parameter file of the compensator'),
     LaunchArgument('controller_file', 'controller.yaml', 'parameter file of the controller'),
     LaunchArgument('trajectory_file', 'trajectory.yaml', 'parameter file of the trajectory'),
@@ -173,7 +167,8 @@ def _parameters(
         for name, node in _SCAN_PARAMETERS.items():
             parameters[node][name] = _value(values[name])
         # What the scheme auto decides by.
-        parameters['controller']['scan_frequency_hz'] = parameters['trajectory']['frequency_hz']
+        for name in ('frequency_hz', 'amplitude_um'):
+            parameters['controller'][f'scan_{name}'] = parameters['trajectory'][name]
     for node, own in parameters.items():
         in_file = {}
         if node in _FILES:
@@ -204,7 +199,7 @@ def _ros_arguments(
     words = ['--log-level', values['log_level']]
     if values['namespace']:
         words += ['-r', f'__ns:=/{values["namespace"].strip("/")}']
-    if 'plant' in nodes and parameters['plant'].get('publish_clock'):
+    if 'plant' in nodes and parameters['plant']['publish_clock']:
         words += ['-r', f'clock:={values["clock_topic"]}']
     for node in nodes:
         if node in _FILES:

@@ -129,7 +129,16 @@ def test_a_file_that_is_not_there_is_named():
 def test_what_is_given_is_checked_together_with_what_the_file_says(tmp_path):
     path = tmp_path / 'controller.yaml'
     path.write_text(
-        '/**/controller: {ros__parameters: {feedback_acceptable_frequency_hz: 425.0}}')
+        '/**/controller: {ros__parameters: {feedback_acceptable_frequency_hz: [425.0]}}')
     started = processes(
         'scan.launch.py', controller_file=str(path), scheme='auto', frequency_hz='200')
     assert float(parameters(started['controller'])['scan_frequency_hz']) == 200.0
+    assert float(parameters(started['controller'])['scan_amplitude_um']) == 1.0
+
+
+def test_a_clock_is_remapped_for_one_rig_and_stays_relative_where_it_is_told_to():
+    assert 'clock:=/clock' in processes('rig.launch.py', publish_clock='true')['plant']
+    assert 'clock:=clock' in processes(
+        'loop.launch.py', publish_clock='true', clock_topic='clock')['loop']
+    assert not any('clock:=' in word for word in processes('rig.launch.py')['plant'] if
+                   not word.startswith('publish_clock'))

@@ -81,6 +81,7 @@ def test_a_state_that_refused_blocks_have_changed_is_named():
     assert 'without refused blocks' in finding.detail
 
 
+@pytest.mark.slow  # The tutorial of the same plant is run by every test.
 def test_the_plant_of_the_documentation_is_right_in_everything():
     findings = check_command('plant', [sys.executable, str(EXAMPLE)], SETTINGS)
     assert all(finding.right for finding in findings), findings

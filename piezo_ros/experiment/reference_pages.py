@@ -1,0 +1,120 @@
+"""
+The pages of the documentation that are printed from the code: parameters and launch arguments.
+
+    python -m piezo_ros.experiment.reference_pages docs
+"""
+
+import dataclasses
+import sys
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+from piezo_ros.experiment.launching import LAUNCH_FILES, LaunchArgument
+from piezo_ros.experiment.node_parameters import NODE_PARAMETERS, StageParameters
+from piezo_ros.model.parameters import CHANGES, Constraint, constraint_of
+
+__all__ = ['PAGES', 'launch_page', 'parameter_page']
+
+_CHANGE_WORDS: Final = {'running': 'running', 'activation': 'inactive', 'start': 'read-only'}
+_PRINTED: Final = (
+    'Printed from the code by `make docs`; changes belong there.')
+_TYPES: Final = {bool: 'bool', int: 'int', float: 'double', str: 'string', tuple: 'double[]'}
+
+
+def parameter_page() -> str:
+    """Return the page of every parameter of every node, as Markdown."""
+    lines = [
+        '# Parameters', '', _PRINTED, '',
+        '`ros2 param describe` tells the same of a running node. A value that is out of range, or',
+        'that does not go together with the others, is refused with the reason; of several values',
+        'in one atomic call all are taken or none. When a node takes a new value:', '',
+        *(f'* {_CHANGE_WORDS[change]}: {text}' for change, text in CHANGES.items()), '',
+        '## Every node', '', *_parameter_table([StageParameters])]
+    for node, sets in NODE_PARAMETERS.items():
+        own = [parameter_set for parameter_set in sets if parameter_set is not StageParameters]
+        lines += ['', f'## {node}', '', *_parameter_table(own)]
+    return '\n'.join([*lines, ''])
+
+
+def launch_page() -> str:
+    """Return the page of every launch file's arguments, as Markdown."""
+    lines = [
+        '# Launch files', '', _PRINTED, '',
+        '`ros2 launch piezo_ros FILE --show-args` tells the same. Each takes all nodes into one',
+        '`namespace` and ends as soon as the recorder has closed its bag, or a node has failed.',
+        'The nodes find each other themselves: none sends before its peers are there, so the order',
+        'in which they start does not matter. With `autostart:=false` they stay unconfigured, for',
+        'a lifecycle manager or `ros2 lifecycle set`.',
+        'Parameter files are by default those in `config/`.']
+    for file, arguments in LAUNCH_FILES.items():
+        lines += ['', f'## {file}', '', *_launch_table(arguments)]
+    return '\n'.join([*lines, ''])
+
+
+PAGES: Final = {'parameters.md': parameter_page, 'launch.md': launch_page}
+
+
+def _parameter_table(sets: Iterable[Any]) -> list[str]:
+    lines = [
+        '| parameter | type | default | range | taken | meaning |', '|---|---|---|---|---|---|']
+    for parameter_set in sets:
+        for field in dataclasses.fields(parameter_set):
+            constraint = constraint_of(field)
+            lines.append(_row([
+                f'`{field.name}`', _TYPES[type(field.default)], _default(field.default),
+                _range(constraint), _CHANGE_WORDS[constraint.change], _meaning(constraint)]))
+    return lines
+
+
+def _launch_table(arguments: Iterable[LaunchArgument]) -> list[str]:
+    lines = ['| argument | default | choices | meaning |', '|---|---|---|---|']
+    for argument in arguments:
+        lines.append(_row([
+            f'`{argument.name}`', _default(argument.default),
+            ', '.join(f'`{choice}`' for choice in argument.choices), argument.description]))
+    return lines
+
+
+def _row(cells: Sequence[str]) -> str:
+    return '| ' + ' | '.join(cell.replace('|', '\\|') for cell in cells) + ' |'
+
+
+def _default(value: Any) -> str:
+    if isinstance(value, tuple):
+        return '`[' + ', '.join(map(str, value)) + ']`'
+    if isinstance(value, bool):
+        return f'`{str(value).lower()}`'
+    return f'`{value}`' if value != '' else 'empty'
+
+
+def _range(constraint: Constraint) -> str:
+    if constraint.choices:
+        return ', '.join(f'`{choice}`' for choice in constraint.choices)
+    low, high = constraint.minimum, constraint.maximum
+    if low is None and high is None:
+        return ''
+    return f'{_bound(low)} … {_bound(high)}'.strip()
+
+
+def _bound(value: float | None) -> str:
+    if value is None:
+        return ''
+    return '2^53' if value == 2**53 else f'{value:g}'
+
+
+def _meaning(constraint: Constraint) -> str:
+    unit = f' [{constraint.unit}]' if constraint.unit else ''
+    return constraint.description + unit
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Write every page into the folder that is named."""
+    (folder,) = arguments
+    for name, page in PAGES.items():
+        (Path(folder) / name).write_text(page(), encoding='utf-8')
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main(sys.argv[1:]))
