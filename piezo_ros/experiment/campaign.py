@@ -5,7 +5,7 @@ import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from piezo_ros.bag import read
 from piezo_ros.experiment.errors import CampaignError, PlanError
@@ -122,6 +122,7 @@ def run_campaign(
     shutil.copyfile(plan.path, directory / PLAN_COPY)
     scored: list[ScoredRun] = []
     notes: list[str] = []
+    predictions: dict[str, dict[str, Any]] = {}
     failure: CampaignError | None = None
     for number, planned in enumerate(plan.runs, start=1):
         announce(f'[{number}/{len(plan.runs)}] {describe(planned)}')
@@ -136,6 +137,7 @@ def run_campaign(
             break
         notes += [f'{planned.name}: {note}' for note in result.notes]
         if planned.prediction:
+            predictions[str(bag.relative_to(directory))] = planned.prediction.record()
             notes.append(
                 f'{planned.name}: predicted NRMSE {planned.prediction.nrmse_percent:.2f} %. '
                 f'{planned.prediction.reason}')
@@ -143,7 +145,8 @@ def run_campaign(
     if scored:
         report = write_report(
             directory, title=plan.title, runs=scored, software=software_versions(),
-            notes=notes, plan=(directory / PLAN_COPY).read_text(encoding='utf-8'),
+            notes=notes, predictions=predictions,
+            plan=(directory / PLAN_COPY).read_text(encoding='utf-8'),
             command=' '.join(['piezo', *sys.argv[1:]]))
     if failure:
         raise failure

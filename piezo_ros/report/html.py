@@ -24,6 +24,7 @@ from piezo_ros.report.content import (
 from piezo_ros.report.elements import Renderer
 from piezo_ros.report.files import write_atomically
 from piezo_ros.report.run_sections import (
+    harmonics_sections,
     loop_section,
     nrmse_sections,
     pictures_section,
@@ -59,6 +60,7 @@ def write_report(
     runs: Sequence[ScoredRun],
     software: Mapping[str, str],
     notes: Sequence[str] = (),
+    predictions: Mapping[str, Mapping[str, Any]] | None = None,
     plan: str = '',
     command: str = '',
 ) -> Path:
@@ -79,6 +81,9 @@ def write_report(
         Name to version, of everything the numbers may depend on.
     notes : sequence of str, optional
         Paragraphs for the reader: what was lost, what to be careful with.
+    predictions : mapping of str to mapping, optional
+        Bag of a run to what was predicted of it: ``nrmse_percent`` and ``by_harmonics``, number of
+        harmonics to NRMSE in percent.
     plan, command : str, optional
         Text of the plan and the command line that made the runs.
 
@@ -97,12 +102,19 @@ def write_report(
     """
     if not runs:
         raise ValueError('runs is empty, a report needs at least one run')
+    predicted = predictions or {}
     remarks = [Section('notes', 'Notes', [Paragraph(note) for note in notes])] if notes else []
     return write_page(
         directory, title=title, lead=[run_facts(runs)], software=software, command=command,
-        plan=plan, data={'runs': [run.record() for run in runs]},
+        plan=plan, data={'runs': [
+            {**run.record(), **({'prediction': dict(predicted[run.bag])}
+                                if run.bag in predicted else {})}
+            for run in runs]},
         files={'runs.csv': csv_table(runs)},
         sections=[results_section(runs, 'runs.csv'), loop_section(), *nrmse_sections(runs),
+                  *harmonics_sections(runs, {
+                      bag: {int(m): float(percent) for m, percent in record['by_harmonics'].items()}
+                      for bag, record in predicted.items()}),
                   pictures_section(runs), *remarks])
 
 

@@ -1,6 +1,7 @@
 """The sections of a report that speak of scored runs: table, pictures, facts."""
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Final
 
@@ -27,8 +28,16 @@ from piezo_ros.report.figures import (
     tracking_figure,
 )
 from piezo_ros.report.score import ScoredRun
+from piezo_ros.report.tracking_figures import HarmonicsCurve, harmonics_figure
 
-__all__ = ['loop_section', 'pictures_section', 'results_section', 'run_facts', 'nrmse_sections']
+__all__ = [
+    'harmonics_sections',
+    'loop_section',
+    'nrmse_sections',
+    'pictures_section',
+    'results_section',
+    'run_facts',
+]
 
 # A campaign has dozens of cases: beyond these the pictures are folded away.
 _OPEN_CASES: Final = 3
@@ -142,6 +151,51 @@ def nrmse_sections(runs: Sequence[ScoredRun]) -> list[Section]:
         caption = f'{waveform.capitalize()}: NRMSE over frequency; one panel for each amplitude.'
         pictures.append(Picture(f'nrmse-{waveform}', caption, partial(nrmse_figure, mine)))
     return [Section('nrmse', 'NRMSE over frequency', pictures)] if pictures else []
+
+
+def harmonics_sections(
+    runs: Sequence[ScoredRun], predicted: Mapping[str, Mapping[int, float]],
+) -> list[Section]:
+    """
+    Return the picture of the error over the number of harmonics, predicted and measured.
+
+    Parameters
+    ----------
+    runs : sequence of ScoredRun
+        The runs.
+    predicted : mapping of str to mapping
+        Bag of a run to the predicted NRMSE, percent, of each number of harmonics. Runs of the same
+        scan under the same scheme are what was measured.
+
+    Returns
+    -------
+    list of Section
+        None where no run has more than one number of harmonics to choose from.
+
+    """
+    curves = [
+        _harmonics_curve(run, predicted[run.bag], runs) for run in runs
+        if len(predicted.get(run.bag, ())) > 1 and run.harmonics in predicted[run.bag]]
+    if not curves:
+        return []
+    return [Section('harmonics', 'The number of harmonics', [Picture(
+        'harmonics', 'Error over the number of harmonics, predicted before the runs and measured.',
+        partial(harmonics_figure, curves))])]
+
+
+def _harmonics_curve(
+    run: ScoredRun, predicted: Mapping[int, float], runs: Sequence[ScoredRun],
+) -> HarmonicsCurve:
+    measured = {
+        other.harmonics: other.nrmse_percent for other in runs if _scan(other) == _scan(run)}
+    return HarmonicsCurve(
+        f'{scheme_label(run.scheme)}, {run.amplitude_um:g} µm, {run.frequency_hz:g} Hz',
+        list(predicted), list(predicted.values()),
+        [measured.get(m, math.nan) for m in predicted], run.harmonics)
+
+
+def _scan(run: ScoredRun) -> tuple[str, str, float, float]:
+    return run.scheme, run.waveform, run.amplitude_um, run.frequency_hz
 
 
 def pictures_section(runs: Sequence[ScoredRun]) -> Section:

@@ -98,6 +98,24 @@ def test_the_same_plan_gives_the_same_bytes(plan, output):
     assert [path.read_bytes() for path in one] == [path.read_bytes() for path in two]
 
 
+def test_a_campaign_with_automatic_harmonics_shows_them_predicted_and_measured(
+        write_plan, output):
+    plan = read_plan(write_plan(runs=[
+        {'scheme': 'ff', 'harmonics': [3, 'auto'], 'amplitude_um': 2.0, 'periods': 6},
+        {'scheme': 'ff', 'harmonics': 5, 'amplitude_um': 1.0, 'periods': 6}]))
+    campaign = run_campaign(plan, output, simulate_run)
+    three, automatic, other = json.loads((output / 'report.json').read_text())['runs']
+    assert 'prediction' not in three
+    assert 'prediction' not in other
+    predicted = automatic['prediction']
+    assert predicted['harmonics'] == automatic['harmonics']
+    assert len(predicted['by_harmonics']) > 10
+    assert 'id="harmonics"' in campaign.report.read_text(encoding='utf-8')
+    figure = (output / 'figures' / 'harmonics.svg').read_text(encoding='utf-8')
+    assert 'FF, 2 µm, 300 Hz' in figure
+    assert 'FF, 1 µm, 300 Hz' not in figure
+
+
 def test_a_campaign_that_breaks_off_reports_what_it_has(plan, output):
     def run(planned, bag):
         if planned is plan.runs[2]:
