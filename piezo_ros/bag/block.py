@@ -9,6 +9,7 @@ and back with ``struct`` and ``numpy`` alone, some thirty times faster than the 
 
 import math
 import struct
+from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -108,7 +109,7 @@ class BlockCodec:
         return self._single_head + self._pack_single(index, sample_period_s, sample)
 
     def encode(
-        self, index: int, sample_period_s: float, samples: NDArray[np.float64] | list[float],
+        self, index: int, sample_period_s: float, samples: NDArray[np.float64] | Sequence[float],
     ) -> bytes:
         """
         Return the CDR bytes of a block.
@@ -134,8 +135,8 @@ class BlockCodec:
 
     @property
     def single(self) -> tuple[bytes, struct.Struct]:
-        """What `encode_one` puts first, and the layout of that, index, period and sample."""
-        return self._single_head, struct.Struct(f'<{len(self._single_head)}s3d')
+        """What `encode_one` puts first, and the layout of what follows: index, period, sample."""
+        return self._single_head, struct.Struct('<3d')
 
     def header(self, samples: int) -> tuple[bytes, bytes]:
         """

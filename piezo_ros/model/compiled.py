@@ -20,7 +20,7 @@ from numba.extending import register_jitable
 
 from piezo_ros.model.step import marked_steps
 
-__all__ = ['kernel']
+__all__ = ['direct', 'kernel']
 
 _Function = TypeVar('_Function', bound=Callable[..., Any])
 # Kernels allocate nothing; without the counting of references (nrt) they are four times faster.
@@ -58,6 +58,22 @@ def kernel(function: _Function) -> _Function:
         return cast('_Function', numba.njit(cache=True, nogil=True, **_OPTIONS)(function))
     finally:
         settings.CACHE_DIR = before
+
+
+def direct(compiled: Any, *examples: Any) -> Callable[..., Any]:
+    """
+    Return what a kernel runs for arguments of some types, without the look-up of them at each call.
+
+    Parameters
+    ----------
+    compiled : callable
+        What `kernel` returned.
+    *examples : value
+        Arguments of those types; the kernel is compiled for them, not called.
+
+    """
+    types = tuple(map(cast('Any', numba.typeof), examples))
+    return cast('Callable[..., Any]', compiled.compile(types))
 
 
 @cache

@@ -7,6 +7,7 @@ are the bits.
 """
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -69,7 +70,7 @@ def rig_stepper(
         sizes = [
             len(state.play_um), len(state.amplifier), len(state.mechanics), len(state.relaxed_um)]
         packed = hold_packed_creeping_kernel if constants.creep else hold_packed_kernel
-        return _bound(packed, sizes, state, constants)
+        return _bound(packed, sizes, 2, state, constants)
 
     def hold(voltage_v: float, unit_noise: float) -> float:
         return measure_step(constants, rig_step(state, constants, voltage_v), unit_noise)
@@ -100,7 +101,7 @@ def compensator_stepper(
     play_um = [0.0] * len(constants.width_um)
     if compiled:
         from piezo_ros.model.kernels import inverse_packed_kernel
-        return _bound(inverse_packed_kernel, [len(play_um)], play_um, constants)
+        return _bound(inverse_packed_kernel, [len(play_um)], 1, play_um, constants)
 
     def inverse(displacement_um: float) -> float:
         return inverse_step(play_um, constants, displacement_um)
@@ -108,13 +109,11 @@ def compensator_stepper(
     return inverse
 
 
-def _bound(kernel: Any, sizes: list[int], *contents: Any) -> Callable[..., float]:
+def _bound(kernel: Any, sizes: list[int], numbers: int, *contents: Any) -> Callable[..., float]:
+    """Return a kernel of packed state and constants as a function of numbers alone."""
+    from piezo_ros.model.compiled import direct
     memory = np.array([*sizes, *_flat(contents)], dtype=np.float64)
-
-    def call(*values: float) -> float:
-        return kernel(memory, *values)  # type: ignore[no-any-return]
-
-    return call
+    return partial(direct(kernel, memory, *[0.0] * numbers), memory)
 
 
 def _flat(value: Any) -> list[float]:

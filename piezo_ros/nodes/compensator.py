@@ -29,12 +29,14 @@ class Compensator(Stage):
 
     def poll(self) -> bool:
         """Answer one block."""
-        samples = self._command.take()
+        sample = self._command.take_one()
+        if sample is not None:
+            self._voltage.publish_one(self._inverse(sample))
+            return True
+        samples = self._command.take_other()
         if samples is None:
             return False
-        if len(samples) == 1:
-            self._voltage.publish_one(self._inverse(samples[0]))
-        elif samples:
+        if samples:
             self._voltage.publish([self._inverse(sample) for sample in samples])
         else:
             self.finish()

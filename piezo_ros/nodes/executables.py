@@ -27,7 +27,7 @@ def _run(*names: str) -> int:
     # Until the host takes over, a signal simply ends the process, without a traceback.
     signal.signal(signal.SIGINT, lambda *_: sys.exit(1))
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))
-    _end_with_parent()
+    _follow_parent()
     from importlib import import_module
 
     from piezo_ros.nodes.host import host
@@ -42,11 +42,14 @@ def _run(*names: str) -> int:
     return code
 
 
-def _end_with_parent() -> None:
-    """Ask the kernel for a SIGINT at the end of the process that started this one."""
+def _follow_parent() -> None:
+    """Take signals from the supervisor alone, and a SIGINT at its end, if there is one."""
     parent = os.environ.get(PARENT_VARIABLE)
     if parent is None or not sys.platform.startswith('linux'):
         return
+    # A group of its own: a Ctrl-C reaches it through the supervisor, in order. Not a session of its
+    # own: Linux shares the processor among sessions, and who yields there yields to nobody else.
+    os.setpgid(0, 0)
     ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_PDEATHSIG, signal.SIGINT)
     if os.getppid() != int(parent):
         sys.exit(1)

@@ -19,6 +19,7 @@ from piezo_ros.nodes.stage import Stage
 __all__ = ['host']
 
 _HOUSEKEEPING_S = 0.05
+_TURNS = 16  # of the stages in which others wait, between two looks at all the rest
 _YIELD_S = 0.02  # how long an empty loop only yields before it sleeps
 _SHORT_SLEEP_S = 0.001
 _LONG_SLEEP_S = 0.01
@@ -132,36 +133,48 @@ def _bring_up(stages: Sequence[Stage], stop: _Stop) -> bool:
 
 def _stream_loop(stages: Sequence[Stage], stop: _Stop) -> None:
     # In the direction of flow, so that each finds what the one before has just sent.
-    serves = [stage.serve for stage in sorted(stages, key=_place_in_flow)]
-    next_housekeeping = time.monotonic()
-    urgent = any(stage.urgent for stage in stages)
-    idle_since: float | None = None
-    turns = 0
+    urgent = sorted((stage for stage in stages if stage.urgent), key=_place_in_flow)
+    others = [stage for stage in stages if not stage.urgent]
+    next_housekeeping = idle_since = time.monotonic()
     while not stop.signal_number:
-        progress = False
-        for serve in serves:
-            if serve():
-                progress = True
-        turns += 1
-        if progress:
-            idle_since = None
-            if turns & 63:
-                continue
+        for stage in stages:
+            stage.serve_request()
+        waited_for = [stage for stage in urgent if stage.running]
+        progress = _turns(waited_for, _TURNS) if waited_for else False
+        progress = _turns([stage for stage in others if stage.running], 1) or progress
         now = time.monotonic()
-        if not progress:
-            if idle_since is None:
-                idle_since = now
-            if urgent and now - idle_since < _YIELD_S:
-                os.sched_yield()
-            else:
-                active = any(stage.running for stage in stages)
-                time.sleep(_SHORT_SLEEP_S if active else _LONG_SLEEP_S)
+        if progress:
+            idle_since = now
+        elif now - idle_since > _YIELD_S or not waited_for:
+            active = any(stage.running for stage in stages)
+            time.sleep(_SHORT_SLEEP_S if active else _LONG_SLEEP_S)
         if now >= next_housekeeping:
             next_housekeeping = now + _HOUSEKEEPING_S
             for stage in stages:
                 stage.housekeeping(now)
-            if _all_over(stages, 0.0 if idle_since is None else now - idle_since):
+            if _all_over(stages, now - idle_since):
                 return
+
+
+def _turns(stages: Sequence[Stage], number: int) -> bool:
+    """Let running stages do what they can, several times; return whether there was anything."""
+    progress = False
+    polls = [(stage, stage.poll) for stage in stages]
+    for turn in range(1, number + 1):
+        idle = True
+        for stage, poll in polls:
+            # Stages end within a turn.
+            if stage.running:
+                try:
+                    if poll():
+                        idle = False
+                except Exception as error:  # The run ends in order and the voltage at zero.
+                    stage.break_off(error)
+        if not idle:
+            progress = True
+        elif turn < number:
+            os.sched_yield()
+    return progress
 
 
 def _place_in_flow(stage: Stage) -> int:

@@ -110,20 +110,30 @@ class Plant(Stage):
         """Answer one block."""
         if self._pace is not None:
             return self._poll_paced(self._pace)
-        samples = self._voltage.take()
+        sample = self._voltage.take_one()
+        if sample is not None:
+            self._answer_one(sample)
+            return True
+        samples = self._voltage.take_other()
         if samples is None:
             return False
         self._answer(samples)
         return True
 
+    def _answer_one(self, sample: float) -> None:
+        self._voltage_v = sample
+        self._index = index = self._index + 1
+        self._displacement.publish_one(self._hold(sample, self._noise(index)))
+        if self._demand:
+            self._demand.update(index)
+
     def _answer(self, samples: tuple[float, ...]) -> None:
         if self._displacement.sent == 1:
-            self._began_s = time.perf_counter()
+            self._began_s = time.perf_counter()  # the first block never comes by `take_one`
         if len(samples) == 1:
-            self._index += 1
-            self._voltage_v = samples[0]
-            self._displacement.publish_one(self._hold(samples[0], self._noise(self._index)))
-        elif samples:
+            self._answer_one(samples[0])
+            return
+        if samples:
             self._displacement.publish([
                 self._hold(sample, self._noise(index))
                 for index, sample in enumerate(samples, start=self._index + 1)])

@@ -43,8 +43,6 @@ class ProcessGroup:
             self._processes[name] = subprocess.Popen(
                 [sys.executable, '-m', 'piezo_ros.nodes.executables', name, *arguments],
                 stdin=subprocess.DEVNULL, stdout=output, stderr=subprocess.STDOUT,
-                # A Ctrl-C shall reach them through this process, in order.
-                start_new_session=True,
                 env={**os.environ, PARENT_VARIABLE: str(os.getpid())})
 
     def runs(self, name: str) -> bool:

@@ -332,28 +332,23 @@ class Stage(LifecycleNode):
 
     # -- stream loop ------------------------------------------------------------------------------
 
-    def serve(self) -> bool:
-        """Run one turn of the stream loop; return whether anything was done."""
-        if self._request is not None:
-            self._serve_request()
-        if not self.running:
-            return False
-        try:
-            return self.poll()
-        except StreamFault as fault:
-            self.fail(str(fault))
-        except Exception as error:  # Whatever it is, the run ends in order and the voltage at zero.
-            self.get_logger().error(traceback.format_exc())
-            self.fail(f'{type(error).__name__}: {error}')
-        return True
-
-    def _serve_request(self) -> None:
+    def serve_request(self) -> None:
+        """Do what the executor wants done between two samples, if anything."""
+        if self._request is None:
+            return
         request, self._request = self._request, None
-        assert request is not None
         try:
             request()
         finally:
             self._request_done.set()
+
+    def break_off(self, error: Exception) -> None:
+        """End the run for whatever `poll` has raised."""
+        if isinstance(error, StreamFault):
+            self.fail(str(error))
+        else:
+            self.get_logger().error(''.join(traceback.format_exception(error)))
+            self.fail(f'{type(error).__name__}: {error}')
 
     def housekeeping(self, now_s: float) -> None:
         """Look after peers, time limits and status; called a few times a second."""

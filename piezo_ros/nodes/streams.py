@@ -6,11 +6,15 @@ what that gains.
 """
 
 import math
+import struct
 import time
 from collections import deque
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
+from numpy.typing import NDArray
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.qos import ReliabilityPolicy
 from rclpy.serialization import deserialize_message
@@ -44,62 +48,65 @@ class StreamWriter:
         self.stream = stream
         self.publisher = stage.create_publisher(
             Float64MultiArray, stream, **overridable(STREAM))
-        self.sent = 0  # samples
         self.newest = 0.0
         self.is_waiting = False  # for a reader that does not take
         self._stage = stage
         self._codec = BlockCodec(stream)
-        self._encode_one = self._codec.encode_one
-        self._publish_raw = self.publisher.handle.publish_raw
+        # A block of one sample is written over the one before: no bytes are put together for it.
+        head, numbers = self._codec.single
+        self._message = bytearray(head) + bytes(numbers.size)
+        self._write_numbers = partial(numbers.pack_into, self._message, len(head))
+        # It takes a bytearray as well, whatever its types say.
+        self._publish_raw: Callable[[bytes | bytearray], None] = cast(
+            'Any', self.publisher.handle.publish_raw)
         self._period_s = 0.0
-        self._next = 0
+        self._first = 0
+        self.next_index = 0
         self._ended = False
 
     def start(self, index: int, sample_period_s: float) -> None:
         """Begin a run at an index."""
         self._period_s = sample_period_s
-        self._next = index
-        self.sent = 0
+        self._first = self.next_index = index
         self._ended = False
 
     @property
-    def next_index(self) -> int:
-        """Index of the next sample."""
-        return self._next
+    def sent(self) -> int:
+        """Number of samples of this run."""
+        return self.next_index - self._first
 
     def begin_at(self, index: int) -> None:
         """Begin at another index, unless something is sent already."""
         if not self.sent:
-            self._next = index
+            self._first = self.next_index = index
 
     def publish_one(self, value: float) -> None:
         """Publish the next sample."""
-        self._publish(self._encode_one(self._next, self._period_s, value))
-        self._next += 1
-        self.sent += 1
+        self._write_numbers(self.next_index, self._period_s, value)
+        self._publish(self._message)
+        self.next_index += 1
         self.newest = value
 
-    def publish(self, values: list[float]) -> None:
+    def publish(self, values: Sequence[float] | NDArray[np.float64]) -> None:
         """Publish the next samples as one block."""
-        self._publish(self._codec.encode(self._next, self._period_s, values))
-        self._next += len(values)
-        self.sent += len(values)
-        self.newest = values[-1]
+        self._publish(self._codec.encode(self.next_index, self._period_s, values))
+        self.next_index += len(values)
+        self.newest = float(values[-1])
 
     def end(self) -> None:
         """Publish the end of the stream, once."""
         if not self._ended:
             self._ended = True
-            self._publish(self._codec.encode(self._next, self._period_s, []))
+            self._publish(self._codec.encode(self.next_index, self._period_s, []))
 
-    def _publish(self, raw: bytes) -> None:
+    def _publish(self, raw: bytes | bytearray) -> None:
         try:
             self._publish_raw(raw)
         except _rclpy.RCLError:
             # A reader that does not take makes publishing fail after 0.1 s.
             self._publish_patiently(raw)
 
-    def _publish_patiently(self, raw: bytes) -> None:
+    def _publish_patiently(self, raw: bytes | bytearray) -> None:
         """Wait for a reader, dropping nothing, unless the stage shall stop."""
         warned = 0.0
         self.is_waiting = True
@@ -108,8 +115,8 @@ class StreamWriter:
             if now - warned > _WARN_S:
                 warned = now
                 self._stage.get_logger().warning(
-                    f'{self.publisher.topic_name} waits at sample {self._next} for a reader that '
-                    f'does not take its messages: {self._reader_names()}')
+                    f'{self.publisher.topic_name} waits at sample {self.next_index} for a reader '
+                    f'that does not take its messages: {self._reader_names()}')
             try:
                 self._publish_raw(raw)
                 break
@@ -135,19 +142,19 @@ class StreamReader:
         self.queue: deque[float] = deque()
         self.refused = 0
         self.gaps = 0
-        self.received = 0  # samples
         self.next_index = 0
         self.ended = False
-        self.raw = b''  # the message of the newest block
+        self.raw = b''  # the newest message, nothing where there was none
         self._stage = stage
         codec = BlockCodec(stream)
         self._decode = codec.decode
-        self._single_head, single = codec.single
-        self._single_size = single.size
-        self._unpack_single = single.unpack
+        self._single_head, numbers = codec.single
+        self._single_size = len(self._single_head) + numbers.size
+        self._unpack_single = struct.Struct(f'<{len(self._single_head)}s3d').unpack
         self._take_message = self.subscription.handle.take_message
         self._period_s: float | None = None
         self._fast_period_s = math.nan  # the period while the quick path may be taken, else NaN
+        self._first = 0
         self._any_start = False
         self._warned = 0.0
         self._lost_at_s: float | None = None
@@ -166,20 +173,47 @@ class StreamReader:
 
         """
         self.queue.clear()
-        self.next_index = index  # -1 is no index: whatever comes first is looked at closely
-        self.received = 0
+        self._first = self.next_index = index
         self.refused = 0
         self.gaps = 0
         self.ended = False
         self._any_start = index < 0
         self._period_s = sample_period_s
-        self._fast_period_s = math.nan if sample_period_s is None else sample_period_s
+        self._fast_period_s = math.nan  # whatever comes first is looked at closely
         self._lost_at_s = None
+
+    @property
+    def received(self) -> int:
+        """Number of samples of this run."""
+        return self.next_index - self._first
 
     def drain(self) -> None:
         """Throw away what is left of an earlier run."""
         while self._take_message(Float64MultiArray, True) is not None:
             pass
+
+    def take_one(self) -> float | None:
+        """
+        Return the next sample where it comes alone (hot path).
+
+        None is the answer to everything else, which `take_other` then looks at: no message, several
+        samples, the end, a message that is refused.
+
+        """
+        taken = self._take_message(Float64MultiArray, True)
+        if taken is None:
+            self.raw = b''
+            return None
+        self.raw = raw = taken[0]
+        if len(raw) == self._single_size:
+            head, index, period_s, sample = self._unpack_single(raw)
+            if (
+                index == self.next_index and period_s == self._fast_period_s
+                and sample - sample == 0.0 and head == self._single_head
+            ):
+                self.next_index += 1
+                return sample  # type: ignore[no-any-return]
+        return None
 
     def take(self) -> tuple[float, ...] | None:
         """
@@ -193,23 +227,14 @@ class StreamReader:
             If samples are missing or the sample period changes.
 
         """
-        taken = self._take_message(Float64MultiArray, True)
-        if taken is None:
-            return None
-        self.raw = raw = taken[0]
-        if len(raw) == self._single_size:
-            head, index, period_s, sample = self._unpack_single(raw)
-            if (
-                index == self.next_index and period_s == self._fast_period_s
-                and sample - sample == 0.0 and head == self._single_head
-            ):
-                self.next_index += 1
-                self.received += 1
-                return (sample,)
-        return self._take_other(raw)
+        sample = self.take_one()
+        return self.take_other() if sample is None else (sample,)
 
-    def _take_other(self, raw: bytes) -> tuple[float, ...] | None:
-        """Check a message that is not simply the next sample."""
+    def take_other(self) -> tuple[float, ...] | None:
+        """Do what `take` does with the message that `take_one` was not content with."""
+        if not self.raw:
+            return None
+        raw = self.raw
         try:
             index, period_s, samples = self._decode_any(raw)
         except MalformedBlockError as error:
@@ -219,9 +244,7 @@ class StreamReader:
             if not self._accept_other(index, period_s):
                 return None
         if samples:
-            count = len(samples)
-            self.next_index += count
-            self.received += count
+            self.next_index += len(samples)
             self._fast_period_s = period_s
         else:
             self.ended = True
@@ -245,7 +268,11 @@ class StreamReader:
 
     def fill(self) -> bool:
         """Move one block into the queue; return whether there was one."""
-        samples = self.take()
+        sample = self.take_one()
+        if sample is not None:
+            self.queue.append(sample)
+            return True
+        samples = self.take_other()
         if samples is None:
             return False
         self.queue.extend(samples)
@@ -309,7 +336,7 @@ class StreamReader:
             raise StreamFault(
                 f'{topic} has the sample period {period_s!r} s, expected {self._period_s!r} s')
         if first:
-            self.next_index = index
+            self._first = self.next_index = index
             self._stage.begin_at(index)
         if index != self.next_index:
             self.gaps += 1

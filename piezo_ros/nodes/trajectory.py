@@ -10,8 +10,6 @@ from piezo_ros.nodes.stage import Stage
 
 __all__ = ['Trajectory']
 
-_TURNS_PER_LOOK = 16  # of the stream loop, between two looks for a new demand
-
 
 class Trajectory(Stage):
     """Sends the samples below the newest demand."""
@@ -48,15 +46,10 @@ class Trajectory(Stage):
         self._index = max(self.settings.start_index, 0)
         self._limit = 0
         self._demand.start()
-        self._turns = 0
 
     def poll(self) -> bool:
         """Send one block of what is demanded."""
         if self._index >= self._limit:
-            # Nobody waits for it: the demand leads by far more than these turns.
-            self._turns += 1
-            if self._turns % _TURNS_PER_LOOK:
-                return False
             if not self._demand.take():
                 return False
             if self._demand.ended:
