@@ -3,8 +3,10 @@ import os
 import re
 import runpy
 import shutil
+import signal
 import subprocess
 import sys
+import time
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
@@ -151,13 +153,14 @@ def sources(tmp_path_factory):
     return copy
 
 
-def colcon(workspace, *arguments):
+def colcon(workspace, *arguments, python_path=''):
     executable = Path(sys.executable).with_name('colcon')
     if not executable.exists():
         pytest.skip(f'colcon is not installed beside {sys.executable}')
     prefixes = filter(None, [sys.prefix, os.environ.get('AMENT_PREFIX_PATH')])
     environment = os.environ | {
-        'AMENT_PREFIX_PATH': os.pathsep.join(prefixes), 'COLCON_HOME': str(workspace / '.colcon')}
+        'AMENT_PREFIX_PATH': os.pathsep.join(prefixes), 'COLCON_HOME': str(workspace / '.colcon'),
+        'PYTHONPATH': python_path}
     run = subprocess.run(
         [executable, '--log-base', 'log', *arguments],
         cwd=workspace, env=environment, capture_output=True, text=True, check=False)
@@ -170,10 +173,8 @@ def test_colcon_takes_it_for_an_ament_python_package(sources):
         'piezo_ros', str(Path('src', 'piezo_ros')), '(ros.ament_python)']
 
 
-@pytest.mark.parametrize('option', [None, '--symlink-install'])
-def test_colcon_build_installs_what_ros2_run_and_launch_look_for(sources, tmp_path, option):
-    colcon(tmp_path, 'build', '--base-paths', str(sources), *filter(None, [option]))
-    prefix = tmp_path / 'install' / 'piezo_ros'
+def assert_installed(sources, prefix, *, linked):
+    """Assert that what ros2 run and ros2 launch look for is there."""
     share = prefix / 'share' / 'piezo_ros'
     assert (prefix / 'share/ament_index/resource_index/packages/piezo_ros').is_file()
     assert (share / 'package.xml').is_file()
@@ -182,14 +183,109 @@ def test_colcon_build_installs_what_ros2_run_and_launch_look_for(sources, tmp_pa
     data = [
         path.relative_to(sources) for folder in ('config', 'launch')
         for path in (sources / folder).rglob('*') if path.is_file()]
-    assert data
+    assert {Path('launch/scan.launch.py'), Path('config/layouts/foxglove.json')} <= {*data}
     for path in data:
         assert (share / path).read_bytes() == (sources / path).read_bytes()
-        assert (share / path).is_symlink() == (option is not None), path
-    if option is None:
+        assert (share / path).is_symlink() == linked, path
+    if not linked:
         package = next((prefix / 'lib').glob('python*/site-packages/piezo_ros'))
         assert (package / 'py.typed').is_file()
         assert not list(package.rglob('*.nb[ci]'))
+
+
+def in_workspace(workspace, *words):
+    """Return a command that runs in a shell where the workspace is sourced."""
+    setup = str(workspace / 'install' / 'local_setup.bash')
+    return ['bash', '-c', '. "$0"; exec "$@"', setup, *words]
+
+
+def assert_executables_start(workspace):
+    """Start every installed executable as ros2 run does, outside the sources."""
+    lib = workspace / 'install' / 'piezo_ros' / 'lib' / 'piezo_ros'
+    code = 'import piezo_ros; print(piezo_ros.__file__)'
+    where = subprocess.run(
+        in_workspace(workspace, sys.executable, '-c', code),
+        cwd=workspace, capture_output=True, text=True, check=True).stdout
+    assert Path(where.strip()).is_relative_to(workspace)
+    told = subprocess.run(
+        in_workspace(workspace, lib / 'piezo', '--help'), cwd=workspace, capture_output=True,
+        text=True, check=True).stdout
+    assert 'usage: piezo' in told
+    assert_nodes_start(workspace, lib)
+
+
+def assert_nodes_start(workspace, lib):
+    rclpy = pytest.importorskip('rclpy')
+    context = rclpy.Context()
+    namespace = f'/installed_{os.getpid()}'
+    processes = [subprocess.Popen(
+        in_workspace(
+            workspace, lib / executable, '--ros-args', '-r', f'__ns:={namespace}/{executable}',
+            '-p', 'autostart:=false'),
+        cwd=workspace, preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL))
+        for executable in EXECUTABLES if executable != 'piezo']
+    expected = {
+        (node, f'{namespace}/{executable}') for executable in EXECUTABLES if executable != 'piezo'
+        for node in (['compensator', 'controller', 'plant', 'trajectory']
+                     if executable == 'loop' else [executable])}
+    rclpy.init(args=[], context=context)
+    onlooker = rclpy.create_node('onlooker', context=context)
+    try:
+        deadline = time.monotonic() + 90.0
+        while not expected <= {*onlooker.get_node_names_and_namespaces()}:
+            assert all(process.poll() is None for process in processes)
+            assert time.monotonic() < deadline, onlooker.get_node_names_and_namespaces()
+            time.sleep(0.05)
+        for process in processes:
+            process.send_signal(signal.SIGINT)
+        for process in processes:
+            # Nothing ran that could have been cut short.
+            assert process.wait(60.0) in (0, 1)
+    finally:
+        for process in processes:
+            process.kill()
+            process.wait()
+        onlooker.destroy_node()
+        rclpy.try_shutdown(context=context)
+
+
+@pytest.mark.parametrize('option', [None, '--symlink-install'])
+def test_colcon_builds_what_ros2_run_and_launch_look_for(sources, tmp_path, option):
+    colcon(tmp_path, 'build', '--base-paths', str(sources), *filter(None, [option]))
+    assert_installed(sources, tmp_path / 'install' / 'piezo_ros', linked=option is not None)
+    assert_executables_start(tmp_path)
+
+
+# What Ubuntu 22.04 and 24.04 or Debian 12 ship, and the last one with all that colcon needs.
+@pytest.mark.slow
+@pytest.mark.parametrize('version', ['65.5.1', '68.1.2', '79.0.1'])
+@pytest.mark.parametrize('option', [None, '--symlink-install'])
+def test_colcon_builds_with_each_generation_of_setuptools(sources, tmp_path, version, option):
+    overlay = tmp_path / 'overlay'
+    subprocess.run(
+        [sys.executable, '-m', 'pip', 'install', '--quiet', '--no-deps', '--target', overlay,
+         f'setuptools=={version}'], check=True)
+    told = subprocess.run(
+        [sys.executable, '-c', 'import setuptools; print(setuptools.__version__)'],
+        env={**os.environ, 'PYTHONPATH': str(overlay)}, capture_output=True, text=True, check=True)
+    assert told.stdout.strip() == version
+    colcon(
+        tmp_path, 'build', '--base-paths', str(sources), *filter(None, [option]),
+        python_path=str(overlay))
+    assert_installed(sources, tmp_path / 'install' / 'piezo_ros', linked=option is not None)
+    assert_executables_start(tmp_path)
+
+
+def test_colcon_test_runs_the_tests_and_tells_of_them(sources, tmp_path):
+    base = ('--base-paths', str(sources))
+    colcon(tmp_path, 'build', *base)
+    # One file of them: the point is that colcon finds tests and runs them.
+    colcon(
+        tmp_path, 'test', *base, '--return-code-on-test-failure', '--pytest-args',
+        'test/bag/test_block.py')
+    (told,) = re.findall(
+        r'(\d+) tests, 0 errors, 0 failures', colcon(tmp_path, 'test-result', '--all'))[-1:]
+    assert int(told) > 10
 
 
 def test_a_wheel_brings_wrappers_that_ros2_run_can_start(sources, tmp_path):

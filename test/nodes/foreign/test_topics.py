@@ -1,0 +1,39 @@
+"""What is seen of a running rig: the topics and services that documents and layouts name."""
+
+import re
+from pathlib import Path
+
+from piezo_ros.bag import STREAMS
+
+TOPICS_PAGE = (Path(__file__).parents[3] / 'docs' / 'topics.md').read_text(encoding='utf-8')
+FLOAT = 'std_msgs/msg/Float64'
+
+
+def test_a_rig_has_the_topics_and_services_of_its_page(rig, peer):
+    rig.node('loop', realtime_factor=0.001, compiled='false', publish_clock='true')
+    expected = {
+        f'{rig.namespace}/{stream}': 'std_msgs/msg/Float64MultiArray' for stream in STREAMS}
+    expected |= {f'{rig.namespace}/monitor/{stream}': FLOAT for stream in STREAMS}
+    others = r'^\| `(demand|status|clock|/diagnostics)` \| `([\w/]+)` \|'
+    for name, message_type in re.findall(others, TOPICS_PAGE, re.MULTILINE):
+        expected[name if name.startswith('/') else f'{rig.namespace}/{name}'] = message_type
+    assert len(expected) == 2 * len(STREAMS) + 4
+
+    def there():
+        topics = dict(peer.node.get_topic_names_and_types())
+        return all(topics.get(name) == [kind] for name, kind in expected.items())
+
+    peer.wait(there, f'the topics {sorted(expected)}')
+    services = re.findall(
+        r'^\| `~/(\w+)` \| `([\w/]+)` \| ([\w ]+) \|', TOPICS_PAGE, re.MULTILINE)
+    assert {name for name, _, _ in services} == {'reset', 'stop', 'initialise'}
+
+    def served():
+        found = dict(peer.node.get_service_names_and_types())
+        return all(
+            found.get(f'{rig.namespace}/{node}/{name}') == [kind]
+            for name, kind, of in services
+            for node in (['plant'] if of == 'plant' else [
+                'plant', 'controller', 'compensator', 'trajectory']))
+
+    peer.wait(served, f'the services {services}')
