@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from piezo_ros.bag import STREAMS, BagError, read, salvage
+from piezo_ros.cli.loss import add_loss_option
 
 __all__ = ['add_command']
 
@@ -33,9 +34,7 @@ def add_command(commands: Any) -> None:
         action.add_argument('bag', type=Path, metavar='BAG')
     for action in (info, export):
         action.add_argument('--namespace', metavar='NS', help='the rig, where there are several')
-        action.add_argument(
-            '--allow-loss', action='store_true',
-            help='take what is whole of a damaged bag; exit 3')
+        add_loss_option(action)
     export.add_argument('-o', '--output', type=Path, required=True, metavar='FILE')
     export.add_argument('--force', action='store_true', help='replace the file')
     rescue.add_argument('-o', '--output', type=Path, required=True, metavar='DIR')

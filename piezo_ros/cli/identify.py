@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 import yaml
 
 from piezo_ros.bag import BagError, Run, read
+from piezo_ros.cli.loss import add_loss_option
 from piezo_ros.control import TrajectoryParameters
 from piezo_ros.experiment.errors import PlanError
 from piezo_ros.experiment.model_file import (
@@ -89,9 +90,7 @@ def add_command(commands: Any) -> None:
             '-o', '--output', type=Path, required=True, metavar='FILE', help='model file to write')
         kind.add_argument('--force', action='store_true', help='replace the file')
         kind.add_argument('--namespace', metavar='NS', help='the rig, where a bag holds several')
-        kind.add_argument(
-            '--allow-loss', action='store_true',
-            help='take what is whole of a damaged bag; exit 3')
+        add_loss_option(kind)
     for kind in (dynamics, uncertainty):
         kind.add_argument(
             '--trajectory', type=Path, action='append', metavar='FILE',

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from piezo_ros.bag import BagError, read
+from piezo_ros.cli.loss import add_loss_option
 from piezo_ros.control import SCHEMES, ControllerParameters
 from piezo_ros.experiment.errors import PlanError
 from piezo_ros.experiment.parameter_file import read_parameter_file
@@ -38,12 +39,13 @@ def add_command(commands: Any) -> None:
             f'--{node}', type=Path, metavar='FILE', help=f'another {node} (parameter file)')
     parser.add_argument('--scheme', choices=SCHEMES, help='another scheme')
     parser.add_argument('--namespace', metavar='NS', help='the rig, where the bag holds several')
+    add_loss_option(parser)
     parser.set_defaults(function=_replay)
 
 
 def _replay(options: argparse.Namespace) -> int:
     try:
-        run = read(options.bag, namespace=options.namespace)
+        run = read(options.bag, namespace=options.namespace, allow_loss=options.allow_loss)
         result = replay(
             run, scheme=options.scheme,
             controller=_replaced(options.controller, 'controller', ControllerParameters),

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from piezo_ros.bag import BagError, Run, read
+from piezo_ros.cli.loss import add_loss_option
 from piezo_ros.experiment.campaign import prepare_directory
 from piezo_ros.experiment.errors import PlanError
 from piezo_ros.experiment.provenance import software_versions
@@ -43,8 +44,7 @@ def add_command(commands: Any) -> None:
         '--periods', type=float, default=4.0, metavar='N',
         help='periods at the end that are scored (default: 4)')
     parser.add_argument('--namespace', metavar='NS', help='the rig, where a bag holds several')
-    parser.add_argument(
-        '--allow-loss', action='store_true', help='take what is whole of a damaged bag; exit 3')
+    add_loss_option(parser)
     for name in _DESCRIPTION:
         parser.add_argument(
             f'--{name.replace("_", "-")}', metavar='VALUE',

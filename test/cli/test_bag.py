@@ -79,13 +79,14 @@ def test_a_table_is_not_overwritten_unasked(bag, command, tmp_path):
 
 
 @pytest.mark.parametrize('action', ['info', 'export'])
-def test_a_damaged_bag_is_refused_unless_loss_is_allowed(damaged, command, tmp_path, action):
+def test_of_a_damaged_bag_what_is_whole_is_taken_unless_that_is_refused(
+        damaged, command, tmp_path, action):
     output = ('-o', tmp_path / 'scan.csv') if action == 'export' else ()
-    code, _, err = command(action, damaged, *output)
+    code, _, err = command(action, damaged, *output, '--no-allow-loss')
     assert code == 1
     assert 'is damaged' in err
     assert 'piezo bag salvage' in err
-    code, out, err = command(action, damaged, *output, '--allow-loss')
+    code, out, err = command(action, damaged, *output)
     assert code == 3
     assert 'cut_0.mcap' in err
     assert 'samples' in out

@@ -1,3 +1,5 @@
+import os
+
 import numpy as np
 import pytest
 import yaml
@@ -50,6 +52,20 @@ def write_again(bag, path, *, parameters=True, starts=None):
         for stream in run.streams:
             first = (starts or {}).get(stream, 0)
             writer.write_block(stream, first, run.sample_period_s, run.whole(stream)[1][first:])
+    return path
+
+
+def write_in_chunks(bag, path):
+    """Write the streams of a bag again in chunks of 100 samples, as a live recording has them."""
+    run = read(bag)
+    with BagWriter(path, topics={stream: f'/{stream}' for stream in run.streams}) as writer:
+        writer.attach_parameters(parameters_yaml(
+            '/', {name.strip('/'): values for name, values in run.parameters.items()}))
+        for start in range(0, run.samples, 100):
+            for stream in run.streams:
+                samples = run.whole(stream)[1][start:start + 100]
+                writer.write_block(stream, start, run.sample_period_s, samples)
+            writer.flush()
     return path
 
 
@@ -143,6 +159,20 @@ def test_a_file_of_another_kind_is_refused(bag, tmp_path, replay, content, compl
     assert code == 1
     assert err.startswith('piezo: ')
     assert complaint in err
+
+
+def test_of_a_cut_bag_what_is_whole_is_replayed_and_the_loss_told(bag, tmp_path, replay):
+    bag = write_in_chunks(bag, tmp_path / 'cut')
+    (file,) = bag.glob('*.mcap')
+    os.truncate(file, round(0.7 * file.stat().st_size))
+    code, out, err = replay(bag)
+    assert code == 3
+    assert file.name in err
+    rows = table(out)
+    assert rows['recorded'] == rows['replayed']
+    code, _, err = replay(bag, '--no-allow-loss')
+    assert code == 1
+    assert 'is damaged' in err
 
 
 def test_a_bag_that_is_none_fails_in_words(tmp_path, replay):

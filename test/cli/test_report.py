@@ -99,14 +99,15 @@ def test_a_directory_without_bags_is_no_empty_report(report, tmp_path):
     assert f'{tmp_path / "empty"}: there is no run' in err
 
 
-def test_a_damaged_bag_is_reported_only_where_loss_is_allowed(foreign, report, tmp_path):
+def test_of_a_damaged_bag_what_is_whole_is_reported_unless_that_is_refused(
+        foreign, report, tmp_path):
     file = foreign / 'foreign_0.mcap'
     os.truncate(file, round(0.9 * file.stat().st_size))
-    code, _, err = report(foreign, *DESCRIPTION, '-o', tmp_path / 'out', '--periods', 2)
+    code, _, err = report(
+        foreign, *DESCRIPTION, '-o', tmp_path / 'out', '--periods', 2, '--no-allow-loss')
     assert code == 1
     assert f'{foreign} is damaged' in err
-    code, _, err = report(
-        foreign, *DESCRIPTION, '-o', tmp_path / 'out', '--periods', 2, '--allow-loss')
+    code, _, err = report(foreign, *DESCRIPTION, '-o', tmp_path / 'out', '--periods', 2)
     assert code == 3
     assert f'piezo: {foreign}: ' in err
     assert file.name in (tmp_path / 'out' / 'report.html').read_text(encoding='utf-8')

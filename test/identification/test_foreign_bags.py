@@ -264,15 +264,22 @@ def test_a_voltage_that_is_no_number_is_named(tmp_path, bare, identify):
     assert 'voltage_v[4000] is nan, it must be finite' in said
 
 
-def test_for_the_dynamics_a_sample_that_is_no_number_is_named(
+def test_for_the_dynamics_a_sample_that_is_no_number_is_named_and_what_follows_left_out(
     tmp_path, compensated, identify, played,
 ):
     gaps = {name: values.copy() for name, values in compensated.items()}
-    gaps['displacement'][9_000] = np.nan
+    at = round(0.85 * gaps['displacement'].size)
+    gaps['displacement'][at] = np.nan
     record_rosbag2(tmp_path / 'bag', gaps)
+    words = f"sample {at} of stream 'displacement' is nan, it must be finite"
     code, _, said = identify('dynamics', tmp_path / 'bag', '--trajectory', played)
+    assert code == 3
+    assert words in said
+    assert 'Hz: the record does not hold it as a whole' in said
+    code, _, said = identify(
+        'dynamics', tmp_path / 'bag', '--trajectory', played, '--no-allow-loss', '--force')
     assert code == 1
-    assert "sample 9000 of stream 'displacement' is nan, it must be finite" in said
+    assert words in said
 
 
 def cut(directory, share):
@@ -286,10 +293,10 @@ def test_of_a_cut_file_the_whole_part_is_identified_and_the_loss_is_told(
 ):
     record_rosbag2(tmp_path / 'bag', bare)
     cut(tmp_path / 'bag', 0.8)
-    code, _, said = identify('hysteresis', tmp_path / 'bag')
+    code, _, said = identify('hysteresis', tmp_path / 'bag', '--no-allow-loss')
     assert code == 1
     assert 'is damaged' in said
-    code, model, said = identify('hysteresis', tmp_path / 'bag', '--allow-loss')
+    code, model, said = identify('hysteresis', tmp_path / 'bag')
     assert code == 3
     assert 'bag_0.mcap' in said
     part, whole = (
@@ -304,8 +311,7 @@ def test_of_a_cut_stepped_sine_the_frequencies_that_are_lost_are_listed(
 ):
     record_rosbag2(tmp_path / 'bag', compensated)
     cut(tmp_path / 'bag', 0.85)
-    code, _, said = identify(
-        'dynamics', tmp_path / 'bag', '--trajectory', played, '--allow-loss')
+    code, _, said = identify('dynamics', tmp_path / 'bag', '--trajectory', played)
     assert code == 3
     lost = [line for line in said.splitlines() if line.startswith('left out of bag: ')]
     assert 1 <= len(lost) <= 3
