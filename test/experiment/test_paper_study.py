@@ -38,6 +38,26 @@ def test_table_4_as_published_is_met_also_on_rows_that_the_calibration_never_saw
 
 
 @pytest.mark.slow
+def test_programs_find_every_table_under_its_name(report):
+    assert report.keys() >= {
+        'runs', 'table3', 'table4', 'nonlinearity', 'margins', 'identified', 'software'}
+    for row, (amplitude_um, frequency_hz) in zip(report['table4'], table_cells(), strict=True):
+        assert row.keys() == {
+            'amplitude_um', 'frequency_hz', 'ff', 'fbff', 'paper_ff', 'paper_fbff'}
+        assert (row['amplitude_um'], row['frequency_hz']) == (amplitude_um, frequency_hz)
+        assert [row['paper_ff'], row['paper_fbff']] == list(
+            published_errors([(amplitude_um, frequency_hz)])[0])
+    assert [row['amplitude_um'] for row in report['table3']] == [0.5, 1.0, 1.5, 2.0, 2.5]
+    for loop in ('uncompensated', 'compensated'):
+        assert report['nonlinearity'][loop].keys() == {'input', 'output'}
+    assert report['margins']['published']['feedback_acceptable_frequency_hz'] == pytest.approx(
+        425.0, abs=1.0)
+    assert report['margins']['published']['weighted_peak'] == pytest.approx(0.207, abs=0.001)
+    assert report['identified'].keys() >= {'hysteresis', 'dynamics', 'uncertainty', 'controller'}
+    assert [run['scheme'] for run in report['runs']] == ['fb', 'ff', 'fbff']
+
+
+@pytest.mark.slow
 def test_identified_models_halve_the_published_errors(report):
     published = published_errors(table_cells())
     assert np.median(errors(report, 'table4_identified') / published) <= 0.5

@@ -1,0 +1,24 @@
+"""What the sections of the study's page share."""
+
+import math
+from collections.abc import Sequence
+from typing import Final, TypeAlias
+
+from piezo_ros.experiment.paper_study import StaticLoop
+from piezo_ros.report.content import Cell, Heading
+
+__all__ = ['PERCENT', 'Rows', 'known', 'nonlinearity_text']
+
+Rows: TypeAlias = Sequence[Heading | Sequence[str | int | float | Cell | None]]
+PERCENT: Final = 100.0
+
+
+def known(value: float) -> float | None:
+    """Return a value, None where it is not known."""
+    return value if math.isfinite(value) else None
+
+
+def nonlinearity_text(loop: StaticLoop) -> str:
+    """Return the nonlinearity of a loop, input and output."""
+    return (
+        f'{PERCENT * loop.nonlinearity.input:.2f} / {PERCENT * loop.nonlinearity.output:.2f} %')
