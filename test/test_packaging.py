@@ -30,6 +30,8 @@ THIRD_PARTY = {
     'yaml': ('pyyaml', 'python3-yaml'),
     'zstandard': ('zstandard', 'mcap-ros2-support'),
 }
+# Name in an import statement -> extra that brings it; what does without says so.
+OPTIONAL = {'cyclonedds': 'cyclonedds', 'distributed': 'dask', 'pyarrow': 'dask'}
 
 
 def arguments_of_setup(folder, command):
@@ -105,15 +107,26 @@ def test_a_console_script_calls_a_function_that_exists(metadata, executable):
 
 def test_the_manifest_names_what_the_code_imports(manifest):
     keys = {dependency.text for dependency in manifest.iter('exec_depend')}
-    names = imported_names('piezo_ros', 'launch')
+    names = imported_names('piezo_ros', 'launch') - OPTIONAL.keys()
     needed = {THIRD_PARTY.get(name, (None, name))[1] for name in names}
     assert needed <= keys
 
 
 def test_pip_installs_what_the_code_imports_beside_ros(metadata, manifest):
     from_ros = {dependency.text for dependency in manifest.iter('exec_depend')}
-    needed = {THIRD_PARTY.get(name, (name,))[0] for name in imported_names('piezo_ros') - from_ros}
+    names = imported_names('piezo_ros') - from_ros - OPTIONAL.keys()
+    needed = {THIRD_PARTY.get(name, (name,))[0] for name in names}
     assert needed <= requirement_names(metadata['install_requires'])
+
+
+@pytest.mark.parametrize(('name', 'extra'), OPTIONAL.items())
+def test_an_extra_brings_what_is_imported_only_where_it_is_needed(metadata, name, extra):
+    assert name in imported_names('piezo_ros')
+    assert name in requirement_names(metadata['extras_require'][extra])
+    for path in (REPOSITORY / 'piezo_ros').rglob('*.py'):
+        for statement in ast.parse(path.read_text(encoding='utf-8')).body:
+            if isinstance(statement, ast.Import | ast.ImportFrom):
+                assert name not in ast.unparse(statement), path
 
 
 def test_the_ros_extra_brings_every_ros_package_that_the_manifest_names(metadata, manifest):

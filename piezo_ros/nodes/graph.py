@@ -150,6 +150,7 @@ class _LiveRun:
         self.processes = ProcessGroup()
         self._recorded_s = 0.0
         self._stopped_early: dict[str, str] = {}
+        self._faults_before_stop: list[str] = []
 
     def over(self) -> bool:
         """Return whether every stream has ended and is recorded."""
@@ -171,7 +172,8 @@ class _LiveRun:
         return float(self.statuses.get('plant', {}).get('elapsed_s', 0.0))
 
     def stop(self) -> None:
-        """End every process, remembering whose run was over before."""
+        """End every process, remembering whose run was over before and why."""
+        self._faults_before_stop = self._faults()
         self._stopped_early = {
             name: status['reason'] for name, status in self.statuses.items()
             # Whoever stops demanding has said why.
@@ -181,9 +183,8 @@ class _LiveRun:
     def problems(self, *, stopped: bool) -> list[str]:
         """Return what went wrong, the first failure only; the others follow from it."""
         self.processes.dead()
-        faults = [
-            f'{status["node"]}: {status["reason"]}' for status in self.statuses.values()
-            if status['state'] == 'faulted']
+        # Told to end one after the other, some see their peers go before they are told themselves.
+        faults = self._faults_before_stop if stopped else self._faults()
         for name, code in self.processes.blamed.items():
             if code < 0:
                 return [f'{name} was killed by {signal.Signals(-code).name}']
@@ -197,3 +198,8 @@ class _LiveRun:
                 reason = self.statuses.get(name, {}).get('reason', '')
                 return [f'{name} failed' + (f': {reason}' if reason else ''), *faults]
         return []
+
+    def _faults(self) -> list[str]:
+        return [
+            f'{status["node"]}: {status["reason"]}' for status in self.statuses.values()
+            if status['state'] == 'faulted']

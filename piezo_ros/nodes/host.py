@@ -13,6 +13,7 @@ from rclpy.exceptions import ParameterException
 from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.signals import SignalHandlerOptions
 
+from piezo_ros.nodes.executables import PARENT_VARIABLE
 from piezo_ros.nodes.middleware import set_middleware_defaults
 from piezo_ros.nodes.stage import Stage
 
@@ -24,6 +25,7 @@ _YIELD_S = 0.02  # how long an empty loop only yields before it sleeps
 _SHORT_SLEEP_S = 0.001
 _LONG_SLEEP_S = 0.01
 _ACKNOWLEDGE_S = 5.0  # how long the readers, of which one may be dead, have for the last messages
+_DISCOVER_S = 1.0  # how long a supervisor has to discover a process that it ends so soon
 _FLOW = ('controller', 'compensator', 'plant')
 
 
@@ -106,9 +108,11 @@ def _serve(make_stages: Callable[[], Sequence[Stage]], stop: _Stop) -> int:
             stage.stop(
                 signal.Signals(stop.signal_number).name if stop.signal_number
                 else 'another stage of this process ended')
-        deadline = time.monotonic() + _ACKNOWLEDGE_S
+        now = time.monotonic()
+        supervised = PARENT_VARIABLE in os.environ
         for stage in stages:
-            stage.await_acknowledgements(deadline)
+            stage.await_acknowledgements(
+                now + _ACKNOWLEDGE_S, now + _DISCOVER_S if supervised else now)
         failed = not started or any(stage.failed for stage in stages)
         return 1 if failed or cut_short else 0
     finally:

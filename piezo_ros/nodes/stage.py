@@ -425,9 +425,24 @@ class Stage(LifecycleNode):
             self.get_logger().error(traceback.format_exc())
         self._report(state)
 
-    def await_acknowledgements(self, deadline: float) -> None:
-        """Wait until every reader has what was published, so that the process may end."""
+    def await_acknowledgements(self, deadline: float, supervisor_deadline: float) -> None:
+        """
+        Wait until every reader has what was published, so that the process may end.
+
+        Parameters
+        ----------
+        deadline : float
+            Until when a reader, which may be dead, is waited for; of ``time.monotonic``, seconds.
+        supervisor_deadline : float
+            Until when a reader of the status that has not been discovered yet is waited for.
+
+        """
         from rclpy.duration import Duration
+        while (
+            not self._status.get_subscription_count()
+            and time.monotonic() < supervisor_deadline
+        ):
+            time.sleep(0.01)
         publishers = [writer.publisher for writer in self.writers.values()]
         for publisher in [*publishers, self._status]:
             left_s = max(deadline - time.monotonic(), 0.01)
