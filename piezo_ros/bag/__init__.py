@@ -2,7 +2,9 @@
 
 from piezo_ros.bag.block import STREAMS, Block, BlockCodec, MalformedBlockError
 from piezo_ros.bag.errors import BagError, BagExistsError
-from piezo_ros.bag.reader import Run, read
+from piezo_ros.bag.reader import read
+from piezo_ros.bag.recording import Recording, open_recording
+from piezo_ros.bag.run import Run
 from piezo_ros.bag.salvage import Salvage, salvage
 from piezo_ros.bag.writer import BagWriter
 
@@ -14,8 +16,10 @@ __all__ = [
     'Block',
     'BlockCodec',
     'MalformedBlockError',
+    'Recording',
     'Run',
     'Salvage',
+    'open_recording',
     'read',
     'salvage',
 ]

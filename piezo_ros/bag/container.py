@@ -6,9 +6,12 @@ was killed is read like any other up to its last whole record.
 """
 
 import io
+import os
 import struct
 import zlib
-from collections.abc import Iterator
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import BinaryIO, Final, NamedTuple
 
@@ -22,12 +25,16 @@ from mcap.records import Attachment, Channel, Metadata, Schema
 from mcap.writer import MCAP0_MAGIC
 from numpy.typing import NDArray
 
-from piezo_ros.bag.chunk_scan import HEAD_BYTES, Records, scan
+from piezo_ros.bag.chunk_scan import HEAD_BYTES, Records, scan, unaligned
 from piezo_ros.bag.errors import BagError
 
 __all__ = ['McapFile', 'Piece']
 
 _LOOSE_BYTES: Final = 1 << 20  # messages outside chunks are handed on in pieces of this size
+_CHANNEL_OFFSET: Final = 9
+# Chunks are decompressed ahead in threads, which hold no lock meanwhile.
+_THREADS: Final = min(4, os.cpu_count() or 1)
+_AHEAD_BYTES: Final = 64 << 20
 _read_head = struct.Struct('<BQ').unpack
 _read_chunk_head = struct.Struct('<QQQII').unpack_from
 _Index = list[NDArray[np.int64]]
@@ -43,11 +50,29 @@ class Piece(NamedTuple):
         The buffer.
     messages : ndarray of int64
         Offsets of the message records in it, in the order of the file.
+    number : int
+        Its place among the pieces of the file.
 
     """
 
     data: bytes
     messages: NDArray[np.int64]
+    number: int = 0
+
+    def by_channel(self) -> Iterator[tuple[int, NDArray[np.int64]]]:
+        """Yield the number of each channel and the offsets of its messages."""
+        channels = unaligned(self.data, '<u2')[self.messages + _CHANNEL_OFFSET]
+        for number in np.flatnonzero(np.bincount(channels)).tolist():
+            yield number, self.messages[channels == number]
+
+
+class _Raw(NamedTuple):
+    """A piece as it stands in the file: a chunk, or messages outside of chunks."""
+
+    number: int
+    position: int | None  # offset of the chunk; None outside of chunks
+    body: bytes
+    offsets: NDArray[np.int64] | None  # where messages are said to be
 
 
 class McapFile:
@@ -70,8 +95,6 @@ class McapFile:
         All metadata records.
     attachments : list of Attachment
         All attachments.
-    damage : list of str
-        Sentences that say what is cut off or damaged, in the order of the file.
     complete : bool
         Whether the writer came to the end of the data.
 
@@ -83,12 +106,22 @@ class McapFile:
         self.channels: dict[int, Channel] = {}
         self.metadata: list[Metadata] = []
         self.attachments: list[Attachment] = []
-        self.damage: list[str] = []
         self.complete = False
+        self._damage: list[tuple[int, str]] = []
 
-    def pieces(self) -> Iterator[Piece]:
+    @property
+    def damage(self) -> list[str]:
+        """Sentences that say what is cut off or damaged, in the order of the file."""
+        return [text for _, text in sorted(self._damage)]
+
+    def pieces(self, wanted: Sequence[object] | None = None) -> Iterator[Piece]:
         """
         Yield all whole message records of the file, in its order.
+
+        Parameters
+        ----------
+        wanted : sequence, optional
+            Says by its truth, for the number of each chunk, whether to look into it.
 
         Raises
         ------
@@ -98,40 +131,78 @@ class McapFile:
         """
         try:
             with self.path.open('rb') as file:
-                yield from self._pieces(file)
+                yield from self._pieces(file, wanted)
         except OSError as error:
             raise BagError(f'cannot read {self.path}: {error.strerror}') from error
 
-    def _pieces(self, file: BinaryIO) -> Iterator[Piece]:
+    def _pieces(self, file: BinaryIO, wanted: Sequence[object] | None) -> Iterator[Piece]:
         size = file.seek(0, io.SEEK_END)
         file.seek(0)
         magic = file.read(len(MCAP0_MAGIC))
         if magic != MCAP0_MAGIC:
             raise BagError(
                 f'{self.path} is no MCAP file: it begins with {magic!r}, not {MCAP0_MAGIC!r}')
+        ahead: deque[tuple[int, Callable[[], Piece | None]]] = deque()
+        with ThreadPoolExecutor(_THREADS) as threads:
+            for raw in self._raw_pieces(file, size, wanted):
+                ahead.append((len(raw.body), self._prepared(threads, raw)))
+                while len(ahead) > _THREADS + 1 or sum(held for held, _ in ahead) > _AHEAD_BYTES:
+                    yield from self._taken(ahead)
+            while ahead:
+                yield from self._taken(ahead)
+        if not self.complete:
+            self._lose_at(size, f'{self.path.name} was not closed by its writer')
+
+    def _raw_pieces(
+        self, file: BinaryIO, size: int, wanted: Sequence[object] | None,
+    ) -> Iterator[_Raw]:
+        """Yield chunks and the messages outside of chunks; note everything else."""
+        number = 0
         loose: list[bytes] = []
         loose_bytes = 0
-        for position, opcode, body in self._records(file, size):
+        for position, opcode, length in self._records(file, size):
             if opcode == Opcode.MESSAGE:
-                loose.append(struct.pack('<BQ', opcode, len(body)) + body)
+                loose.append(struct.pack('<BQ', opcode, length) + file.read(length))
                 loose_bytes += len(loose[-1])
                 if loose_bytes < _LOOSE_BYTES:
                     continue
             if loose:
-                data, loose, loose_bytes = b''.join(loose), [], 0
-                yield Piece(data, scan(data).messages)
+                yield _Raw(number, None, b''.join(loose), None)
+                number, loose, loose_bytes = number + 1, [], 0
             if opcode == Opcode.CHUNK:
-                yield from self._chunk(position, body, self._message_index(file, size))
+                if wanted is None or (number < len(wanted) and wanted[number]):
+                    body = file.read(length)
+                    yield _Raw(number, position, body, self._message_index(file, size))
+                else:
+                    file.seek(length, io.SEEK_CUR)
+                number += 1
             elif opcode != Opcode.MESSAGE:
-                self._keep(position, opcode, body)
+                self._keep(position, opcode, file.read(length))
         if loose:
-            data = b''.join(loose)
-            yield Piece(data, scan(data).messages)
-        if not self.complete:
-            self.damage.append(f'{self.path.name} was not closed by its writer')
+            yield _Raw(number, None, b''.join(loose), None)
 
-    def _records(self, file: BinaryIO, size: int) -> Iterator[tuple[int, int, bytes]]:
-        """Yield offset, opcode and body of each whole record of the data section."""
+    def _prepared(self, threads: ThreadPoolExecutor, raw: _Raw) -> Callable[[], Piece | None]:
+        """Begin to decompress a piece and return how to get it."""
+        if raw.position is None:
+            return lambda: Piece(raw.body, scan(raw.body).messages, raw.number)
+        position = raw.position
+        inside = threads.submit(self._uncompressed, position, raw.body)
+        return lambda: self._chunk(position, inside.result(), raw)
+
+    @staticmethod
+    def _taken(ahead: deque[tuple[int, Callable[[], Piece | None]]]) -> Iterator[Piece]:
+        _, result = ahead.popleft()
+        piece = result()
+        if piece is not None:
+            yield piece
+
+    def _records(self, file: BinaryIO, size: int) -> Iterator[tuple[int, int, int]]:
+        """
+        Yield offset, opcode and length of each whole record of the data section.
+
+        The body is left to the caller, who reads it or seeks behind it. Of a chunk that is cut off
+        the length is what is left.
+        """
         while True:
             position = file.tell()
             head = file.read(HEAD_BYTES)
@@ -141,12 +212,13 @@ class McapFile:
             if opcode in (Opcode.DATA_END, Opcode.FOOTER):
                 self.complete = True
                 return
-            if opcode == 0 or length > size - file.tell():
+            left = size - file.tell()
+            if opcode == 0 or length > left:
                 if opcode == Opcode.CHUNK:
-                    yield position, opcode, file.read()
+                    yield position, opcode, left
                     return
                 break
-            yield position, opcode, file.read(length)
+            yield position, opcode, length
         if position < size:
             self._lose(position, f'{size - position} bytes of a record that is not whole')
 
@@ -167,17 +239,16 @@ class McapFile:
             return np.concatenate(parts) if parts else None
 
     def _chunk(
-        self, position: int, body: bytes, index: NDArray[np.int64] | None,
-    ) -> Iterator[Piece]:
-        inside = self._uncompressed(position, body)
+        self, position: int, inside: tuple[bytes, bool] | None, raw: _Raw,
+    ) -> Piece | None:
         if inside is None:
-            return
+            return None
         data, whole = inside
-        records = scan(data, index)
+        records = scan(data, raw.offsets)
         self._keep_all(position, data, records)
         if records.end < len(data) or not whole:
             self._lose(position, 'the end of a chunk')
-        yield Piece(data, records.messages)
+        return Piece(data, records.messages, raw.number)
 
     def _uncompressed(self, position: int, body: bytes) -> tuple[bytes, bool] | None:
         """Return the inside of a chunk and whether it is all of it; None if nothing is whole."""
@@ -188,14 +259,14 @@ class McapFile:
         except (struct.error, UnicodeDecodeError):
             self._lose(position, 'a chunk cut within its head')
             return None
-        data = body[40 + name_length:]
-        if len(data) < stored:
+        packed = memoryview(body)[40 + name_length:40 + name_length + stored]
+        if len(packed) < stored:
             if compression:
-                self._lose(position, f'a chunk of which {len(data)} of {stored} bytes are left')
+                self._lose(position, f'a chunk of which {len(packed)} of {stored} bytes are left')
                 return None
-            return data, False
+            return bytes(packed), False
         try:
-            data = _decompress(data[:stored], compression, size)
+            data = _decompress(packed, compression, size)
         except (zstandard.ZstdError, RuntimeError, MemoryError, OverflowError) as error:
             self._lose(position, f'a chunk that does not decompress ({error})')
             return None
@@ -231,14 +302,17 @@ class McapFile:
             self._lose(position, f'a record of kind {opcode} that does not parse ({error})')
 
     def _lose(self, position: int, what: str) -> None:
-        self.damage.append(f'{self.path.name}: {what}, from byte {position} on')
+        self._lose_at(position, f'{self.path.name}: {what}, from byte {position} on')
+
+    def _lose_at(self, position: int, text: str) -> None:
+        self._damage.append((position, text))
 
 
-def _decompress(data: bytes, compression: str, size: int) -> bytes:
+def _decompress(data: memoryview, compression: str, size: int) -> bytes:
     if compression == 'zstd':
         return zstandard.ZstdDecompressor().decompress(data, max_output_size=size)
     if compression == 'lz4':
         return bytes(lz4.frame.decompress(data))
     if compression == '':
-        return data
+        return bytes(data)
     raise BagError(f'chunk compression {compression!r} is none of zstd, lz4 and none')

@@ -1,5 +1,6 @@
 """Assembly of one stream, a contiguous sequence of samples, from its blocks."""
 
+from collections.abc import Callable
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -9,7 +10,7 @@ from piezo_ros.bag.block import BlockCodec, MalformedBlockError
 from piezo_ros.bag.chunk_scan import HEAD_BYTES, MESSAGE_HEAD_BYTES, unaligned
 from piezo_ros.bag.container import Piece
 
-__all__ = ['Stream', 'StreamAssembler']
+__all__ = ['Collected', 'Extremes', 'Sink', 'Stream', 'StreamAssembler']
 
 _MAXIMUM_INDEX: Final = 2.0**53
 _ENCAPSULATION_BYTES: Final = 4
@@ -40,6 +41,54 @@ class Stream(NamedTuple):
     problem: str | None
 
 
+# Is handed the index of the first and the samples themselves, piece by piece, without a gap.
+Sink = Callable[[int, NDArray[np.float64]], None]
+
+
+class Collected:
+    """
+    A sink that keeps samples.
+
+    Parameters
+    ----------
+    kept : range, optional
+        Indices of the samples to keep; all by default.
+
+    """
+
+    def __init__(self, kept: range | None = None) -> None:
+        self._kept = kept
+        # Grows in place where it is large: nothing is copied twice, no page touched in vain.
+        self._bytes = bytearray()
+
+    def __call__(self, index: int, samples: _Floats) -> None:
+        """Keep what is wanted of some samples."""
+        if self._kept is not None:
+            kept = self._kept
+            first = max(kept.start, index)
+            first += (kept.start - first) % kept.step
+            samples = samples[first - index:max(kept.stop - index, 0):kept.step]
+        if samples.size:
+            self._bytes += np.ascontiguousarray(samples).data.cast('B')
+
+    def samples(self) -> _Floats:
+        """Return what was kept."""
+        return np.frombuffer(self._bytes, dtype=np.float64)
+
+
+class Extremes:
+    """A sink that keeps the smallest and the largest sample."""
+
+    def __init__(self) -> None:
+        self.minimum = np.inf
+        self.maximum = -np.inf
+
+    def __call__(self, index: int, samples: _Floats) -> None:
+        """Look at some samples."""
+        self.minimum = min(self.minimum, float(np.fmin.reduce(samples)))
+        self.maximum = max(self.maximum, float(np.fmax.reduce(samples)))
+
+
 class _Blocks(NamedTuple):
     """Consecutive blocks: index, sample period and N of each, and the samples of all."""
 
@@ -51,21 +100,42 @@ class _Blocks(NamedTuple):
 
 class StreamAssembler:
     """
-    Collector of the blocks of one stream in the order of their recording.
+    Checks the blocks of one stream in the order of their recording and hands on their samples.
 
     Parameters
     ----------
     stream : str
         The stream.
+    sink : callable
+        Takes the samples, up to the first thing that is wrong.
+    keep_not_finite : bool, optional
+        Whether samples that are NaN or infinite are in order.
+
+    Attributes
+    ----------
+    start_index : int
+        Index of the first sample.
+    sample_period_s : float
+        Sample period, seconds; 0 before the first block.
+    count : int
+        How many samples were handed on.
+    problem : str or None
+        What is wrong right behind the last of them; None if nothing is.
 
     """
 
-    def __init__(self, stream: str) -> None:
+    def __init__(self, stream: str, sink: Sink, *, keep_not_finite: bool = False) -> None:
         self._stream = stream
+        self._sink = sink
+        self._keep_not_finite = keep_not_finite
         self._codec = BlockCodec(stream)
-        self._parts: list[_Blocks] = []
         self._messages = 0
-        self._malformed: str | None = None
+        self._blocks = 0
+        self._ended = False
+        self.start_index = 0
+        self.sample_period_s = 0.0
+        self.count = 0
+        self.problem: str | None = None
 
     def add(self, piece: Piece, messages: NDArray[np.int64]) -> None:
         """
@@ -79,7 +149,7 @@ class StreamAssembler:
             Offsets of the messages of this stream in it.
 
         """
-        if self._malformed is not None or not messages.size:
+        if self.problem is not None or not messages.size:
             return
         lengths = unaligned(piece.data, '<u8')[messages + 1].astype(np.int64) + HEAD_BYTES
         # Groups of equal length are decoded at once; where only few differ, as in a foreign
@@ -88,11 +158,15 @@ class StreamAssembler:
             self._group(piece.data, messages, lengths, length)
             for length in _distinct(lengths)
         ]
+        malformed = None
         if all(group is not None for _, group in groups):
-            self._parts.append(_merged(groups, messages.size))
+            blocks = _merged(groups, messages.size)
         else:
-            self._parts.append(self._one_by_one(piece.data, messages, lengths))
+            blocks, malformed = self._one_by_one(piece.data, messages, lengths)
         self._messages += messages.size
+        if blocks.indices.size:
+            self._hand_on(blocks)
+        self.problem = self.problem or malformed
 
     def _group(
         self, data: bytes, messages: _Integers, lengths: _Integers, length: int,
@@ -122,14 +196,17 @@ class StreamAssembler:
             numbers[:, 0].astype(np.float64), numbers[:, 1].astype(np.float64),
             np.full(messages.size, count), numbers[:, 2:].astype(np.float64).ravel())
 
-    def _one_by_one(self, data: bytes, messages: _Integers, lengths: _Integers) -> _Blocks:
-        """Decode blocks of any layout, up to the first that is malformed."""
+    def _one_by_one(
+        self, data: bytes, messages: _Integers, lengths: _Integers,
+    ) -> tuple[_Blocks, str | None]:
+        """Decode blocks of any layout, up to the first that is malformed, and say what it is."""
         blocks = []
+        malformed = None
         for start, length in zip(messages.tolist(), lengths.tolist(), strict=True):
             try:
                 blocks.append(self._codec.decode(data[start + MESSAGE_HEAD_BYTES:start + length]))
             except MalformedBlockError as error:
-                self._malformed = (
+                malformed = (
                     f'message {self._messages + len(blocks)} of stream {self._stream!r}: {error}')
                 break
         samples = [np.asarray(block.samples, dtype=np.float64) for block in blocks]
@@ -137,42 +214,41 @@ class StreamAssembler:
             np.array([block.index for block in blocks], dtype=np.float64),
             np.array([block.sample_period_s for block in blocks], dtype=np.float64),
             np.array([sample.size for sample in samples], dtype=np.int64),
-            np.concatenate([*samples, np.empty(0)]))
+            np.concatenate([*samples, np.empty(0)])), malformed
 
-    def result(self, *, keep_not_finite: bool = False) -> Stream | None:
-        """Return the stream up to the first thing that is wrong with it, None if it is empty."""
-        blocks = _joined(self._parts)
-        good, problem = self._leading(blocks)
+    def _hand_on(self, blocks: _Blocks) -> None:
+        """Hand on the samples of the blocks that are in order."""
+        if not self._blocks:
+            self.start_index = int(blocks.indices[0]) if np.isfinite(blocks.indices[0]) else 0
+            self.sample_period_s = float(blocks.periods_s[0])
+        good, self.problem = self._leading(blocks)
         samples = blocks.samples[:int(blocks.counts[:good].sum())]
-        finite = np.isfinite(samples)
-        if not (keep_not_finite or finite.all()):
+        if not (self._keep_not_finite or (finite := np.isfinite(samples)).all()):
             first = int(np.argmin(finite))
-            problem = (
-                f'sample {int(blocks.indices[0]) + first} of stream {self._stream!r} is '
+            self.problem = (
+                f'sample {self.start_index + self.count + first} of stream {self._stream!r} is '
                 f'{samples[first]}, it must be finite')
             samples = samples[:first]
-        if not samples.size:
-            if problem is None:
-                return None
-            return Stream(0, 0.0, samples, problem)
-        return Stream(int(blocks.indices[0]), float(blocks.periods_s[0]), samples, problem)
+        self._blocks += good
+        self._ended = bool(blocks.counts[-1] == 0)
+        if samples.size:
+            self._sink(self.start_index + self.count, samples)
+            self.count += samples.size
 
     def _leading(self, blocks: _Blocks) -> tuple[int, str | None]:
         """Return how many blocks are in order, and what is wrong with the next one."""
         indices, periods, counts = blocks.indices, blocks.periods_s, blocks.counts
-        if not indices.size:
-            return 0, self._malformed
-        sent = np.append(0, np.cumsum(counts)[:-1])
-        expected = indices[0] + sent
+        sent = self.count + np.append(0, np.cumsum(counts)[:-1])
+        expected = (self.start_index if self._blocks else indices[0]) + sent
         # An end carries the count of samples sent, which is less where the first index is not 0.
         continues = (indices == expected) | ((counts == 0) & (indices == sent))
-        after_end = np.append(False, counts[:-1] == 0)
+        after_end = np.append(self._ended, counts[:-1] == 0)
         valid_index = (indices >= 0) & (indices < _MAXIMUM_INDEX) & (indices % 1.0 == 0)
         wrong = (
             ~valid_index | ~continues | after_end
-            | ~((periods > 0) & (periods == periods[0]) & np.isfinite(periods)))
+            | ~((periods > 0) & (periods == self.sample_period_s) & np.isfinite(periods)))
         if not wrong.any():
-            return indices.size, self._malformed
+            return indices.size, None
         first = int(np.argmax(wrong))
         index, period, due = indices[first], periods[first], expected[first]
         name = f'stream {self._stream!r}'
@@ -184,10 +260,10 @@ class StreamAssembler:
             return first, (
                 f'{name} has the sample period {period} s at index {index:.0f}, it must be '
                 'positive and finite')
-        if period != periods[0]:
+        if period != self.sample_period_s:
             return first, (
-                f'{name} changes its sample period from {periods[0]} s to {period} s at index '
-                f'{index:.0f}')
+                f'{name} changes its sample period from {self.sample_period_s} s to {period} s at '
+                f'index {index:.0f}')
         if after_end[first]:
             return first, f'{name} goes on at index {index:.0f} after its end at {due:.0f}'
         if index > due:
@@ -234,8 +310,3 @@ def _merged(groups: list[tuple[_Integers, _Blocks | None]], messages: int) -> _B
         places = (ends[members] - count)[:, np.newaxis] + np.arange(count)
         samples[places.ravel()] = blocks.samples
     return _Blocks(indices, periods, counts, samples)
-
-
-def _joined(parts: list[_Blocks]) -> _Blocks:
-    empty = _Blocks(np.empty(0), np.empty(0), np.empty(0, dtype=np.int64), np.empty(0))
-    return _Blocks(*(np.concatenate(arrays) for arrays in zip(empty, *parts, strict=True)))

@@ -4,16 +4,17 @@ import argparse
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
-from piezo_ros.bag import STREAMS, BagError, read, salvage
+from piezo_ros.bag import STREAMS, BagError, open_recording, salvage
 from piezo_ros.cli.loss import add_loss_option
 
 __all__ = ['add_command']
 
-_EXAMPLES = """\
+_EXPORTED_AT_ONCE: Final = 100_000  # samples
+_EXAMPLES: Final = """\
 examples:
   piezo bag info out/demo/bags/002_fbff_triangle_1um_300hz
   piezo bag salvage cut_bag -o whole_bag
@@ -57,16 +58,16 @@ def _guarded(
 
 
 def _info(options: argparse.Namespace) -> tuple[str, ...]:
-    run = read(options.bag, namespace=options.namespace, allow_loss=options.allow_loss)
+    run = open_recording(
+        options.bag, namespace=options.namespace, allow_loss=options.allow_loss)
     print(f'bag            {run.path}')
     print(f'namespace      {run.namespace}')
     print(f'sample period  {run.sample_period_s:g} s')
     print(f'common samples {run.samples} from index {run.start_index}')
-    for stream in run.streams:
-        start, samples = run.whole(stream)
+    for stream, summary in run.streams.items():
         print(
-            f'  {stream:13}{samples.size} samples from index {start}, '
-            f'{samples.min():.4g} … {samples.max():.4g} {STREAMS[stream]}')
+            f'  {stream:13}{summary.samples} samples from index {summary.start_index}, '
+            f'{summary.minimum:.4g} … {summary.maximum:.4g} {STREAMS[stream]}')
     for name, value in run.metadata.items():
         print(f'{name:28}{value}')
     print(f'parameters of  {", ".join(run.parameters) or "no node"}')
@@ -81,17 +82,16 @@ def _export_unless_there(options: argparse.Namespace) -> int:
 
 
 def _export(options: argparse.Namespace) -> tuple[str, ...]:
-    run = read(options.bag, namespace=options.namespace, allow_loss=options.allow_loss)
-    columns = {
-        'time_s': run.time_s,
-        **{
-            f'{stream}_{STREAMS[stream]}': getattr(run, f'{stream}_{STREAMS[stream]}')
-            for stream in run.streams},
-    }
-    # 17 significant digits: the same bits come back.
-    np.savetxt(
-        options.output, np.column_stack(list(columns.values())), fmt='%.17g', delimiter=',',
-        header=','.join(columns), comments='')
+    run = open_recording(
+        options.bag, namespace=options.namespace, allow_loss=options.allow_loss)
+    names = ['time_s', *(f'{stream}_{STREAMS[stream]}' for stream in run.streams)]
+    with options.output.open('w', encoding='utf-8') as file:
+        file.write(','.join(names) + '\n')
+        for piece in run.pieces(_EXPORTED_AT_ONCE):
+            # 17 significant digits: the same bits come back.
+            np.savetxt(
+                file, np.column_stack([getattr(piece, name) for name in names]), fmt='%.17g',
+                delimiter=',')
     print(f'{run.samples} samples: {options.output}')
     return run.lost
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import yaml
 
-from piezo_ros.bag import BagError, Run, read
+from piezo_ros.bag import BagError, Run, open_recording
 from piezo_ros.cli.loss import add_loss_option
 from piezo_ros.control import TrajectoryParameters
 from piezo_ros.experiment.errors import PlanError
@@ -64,6 +64,9 @@ def add_command(commands: Any) -> None:
         '--range-v', type=float, nargs=2, metavar=('LOW', 'HIGH'),
         help='voltages at which the model will be used; warns of what the bags do not cover')
     hysteresis.add_argument(
+        '--every', type=_positive, default=1, metavar='N',
+        help='take one of N samples: of a slow triangle the others tell little more')
+    hysteresis.add_argument(
         '--compare', action='store_true', help='also fit other models to the same bags')
     dynamics = kinds.add_parser(
         'dynamics', help='G(s) of (6), from command and displacement of a stepped sine or '
@@ -91,6 +94,12 @@ def add_command(commands: Any) -> None:
         kind.add_argument('--force', action='store_true', help='replace the file')
         kind.add_argument('--namespace', metavar='NS', help='the rig, where a bag holds several')
         add_loss_option(kind)
+        kind.add_argument(
+            '--from-s', type=float, default=0.0, metavar='T',
+            help='leave out what was before this simulated time')
+        kind.add_argument(
+            '--to-s', type=float, default=math.inf, metavar='T',
+            help='leave out what was from this simulated time on')
     for kind in (dynamics, uncertainty):
         kind.add_argument(
             '--trajectory', type=Path, action='append', metavar='FILE',
@@ -108,6 +117,13 @@ def add_command(commands: Any) -> None:
     uncertainty.set_defaults(function=lambda options: _guarded(_uncertainty, options))
 
 
+def _positive(text: str) -> int:
+    value = int(text)
+    if value < 1:
+        raise argparse.ArgumentTypeError(f'{text} is below 1')
+    return value
+
+
 def _guarded(
     identify: Callable[[argparse.Namespace, list[Run]], _Files], options: argparse.Namespace,
 ) -> int:
@@ -119,11 +135,7 @@ def _guarded(
             print(f'piezo: {path} exists; --force replaces it', file=sys.stderr)
             return 2
     try:
-        runs = [
-            read(
-                path, namespace=options.namespace, allow_loss=options.allow_loss,
-                keep_not_finite=options.kind == 'hysteresis')  # its fit leaves them out
-            for path in options.bags]
+        runs = [_read(path, options) for path in options.bags]
         _refuse_different_periods(runs)
         files = identify(options, runs)
         for path, text in files.items():
@@ -136,6 +148,29 @@ def _guarded(
     for loss in lost:
         print(f'piezo: {loss}', file=sys.stderr)
     return 3 if lost else 0
+
+
+def _read(path: Path, options: argparse.Namespace) -> Run:
+    """Read what is wanted of a bag, of which the rest may be longer than the memory."""
+    hysteresis = options.kind == 'hysteresis'
+    recording = open_recording(
+        path, namespace=options.namespace, allow_loss=options.allow_loss,
+        keep_not_finite=hysteresis)  # its fit leaves them out
+    start, stop = (
+        math.ceil(time_s / recording.sample_period_s) - recording.start_index
+        if math.isfinite(time_s) else recording.samples
+        for time_s in (options.from_s, options.to_s))
+    start, stop = max(start, 0), min(stop, recording.samples)
+    if start >= stop:
+        first_s = recording.start_index * recording.sample_period_s
+        last_s = first_s + (recording.samples - 1) * recording.sample_period_s
+        raise BagError(
+            f'{path} has no sample from --from-s {options.from_s:g} to --to-s {options.to_s:g}, '
+            f'it lasts from {first_s:g} s to {last_s:g} s')
+    if hysteresis:
+        return recording.part(
+            start, stop, every=options.every, streams=('voltage', 'displacement'))
+    return recording.part(start, stop)
 
 
 def _refuse_different_periods(runs: list[Run]) -> None:

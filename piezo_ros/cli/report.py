@@ -1,13 +1,12 @@
 """``piezo report``: scores, tables and pictures of bags, whoever recorded them."""
 
 import argparse
-import dataclasses
 import os
 import sys
 from pathlib import Path
 from typing import Any, Final
 
-from piezo_ros.bag import BagError, Run, read
+from piezo_ros.bag import BagError, Recording, open_recording
 from piezo_ros.cli.loss import add_loss_option
 from piezo_ros.experiment.campaign import prepare_directory
 from piezo_ros.experiment.errors import PlanError
@@ -60,7 +59,8 @@ def _report(options: argparse.Namespace) -> int:
     try:
         paths = [path for given in options.bags for path in _bags_below(given)]
         runs = [
-            read(path, namespace=options.namespace, allow_loss=options.allow_loss)
+            open_recording(
+                path, namespace=options.namespace, allow_loss=options.allow_loss)
             for path in paths]
         scored = []
         for run, path in zip(runs, paths, strict=True):
@@ -92,9 +92,9 @@ def _report(options: argparse.Namespace) -> int:
 
 
 def _scored(
-    run: Run, told: dict[str, str], path: Path, options: argparse.Namespace,
+    run: Recording, told: dict[str, str], path: Path, options: argparse.Namespace,
 ) -> ScoredRun:
-    known = dataclasses.replace(run, metadata={**told, **run.metadata})
+    known = run.described({**told, **run.metadata})
     try:
         return score(
             known, periods=options.periods, bag=os.path.relpath(path, options.output),

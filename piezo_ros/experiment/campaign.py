@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from piezo_ros.bag import read
+from piezo_ros.bag import open_recording
 from piezo_ros.experiment.errors import CampaignError, PlanError
 from piezo_ros.experiment.plan import Plan, PlannedRun
 from piezo_ros.experiment.provenance import software_versions
@@ -156,7 +156,7 @@ def run_campaign(
 def _scored(plan: Plan, directory: Path, bag: Path, result: RunResult) -> ScoredRun:
     try:
         return score(
-            read(bag), periods=plan.score_periods, bag=str(bag.relative_to(directory)),
+            open_recording(bag), periods=plan.score_periods, bag=str(bag.relative_to(directory)),
             wall_seconds=result.wall_seconds)
     except ValueError as error:
         raise CampaignError(f'{bag} cannot be scored: {error}') from None

@@ -12,7 +12,7 @@ from piezo_ros.paper import HARMONICS, table_4
 from piezo_ros.report.metrics import nrmse, tail
 
 if TYPE_CHECKING:
-    from piezo_ros.bag import Run
+    from piezo_ros.bag import Recording, Run
 
 __all__ = ['ScoredRun', 'score']
 
@@ -120,14 +120,17 @@ class ScoredRun:
         return record
 
 
-def score(run: 'Run', *, periods: float = 4, bag: str, wall_seconds: float) -> ScoredRun:
+def score(
+    run: 'Run | Recording', *, periods: float = 4, bag: str, wall_seconds: float,
+) -> ScoredRun:
     """
     Score the last periods of a run.
 
     Parameters
     ----------
-    run : piezo_ros.bag.Run
-        The run; its metadata says scheme, waveform, amplitude_um, frequency_hz and harmonics.
+    run : piezo_ros.bag.Run or piezo_ros.bag.Recording
+        The run, of which the last periods are read; its metadata says scheme, waveform,
+        amplitude_um, frequency_hz and harmonics.
     periods : float, optional
         Periods of the fundamental to score: the last floor(periods * fs / f) samples.
     bag : str
@@ -156,8 +159,9 @@ def score(run: 'Run', *, periods: float = 4, bag: str, wall_seconds: float) -> S
     if harmonics != int(harmonics):
         raise ValueError(f'harmonics of the run is {harmonics}, it must be an integer')
     window = tail(run.samples, frequency_hz, run.sample_period_s, periods)
-    reference_um = np.asarray(run.reference_um, dtype=np.float64)[window]
-    displacement_um = np.asarray(run.displacement_um, dtype=np.float64)[window]
+    scored = run.part(window.start, window.stop)
+    reference_um = np.asarray(scored.reference_um, dtype=np.float64)
+    displacement_um = np.asarray(scored.displacement_um, dtype=np.float64)
     published = waveform == 'triangle' and harmonics == HARMONICS
     return ScoredRun(
         scheme=scheme,
@@ -171,10 +175,10 @@ def score(run: 'Run', *, periods: float = 4, bag: str, wall_seconds: float) -> S
         samples=run.samples,
         wall_seconds=float(wall_seconds),
         paper_nrmse_percent=table_4(scheme, amplitude_um, frequency_hz) if published else None,
-        time_s=run.time_s[window],
+        time_s=scored.time_s,
         reference_um=reference_um,
         displacement_um=displacement_um,
-        voltage_v=np.asarray(run.voltage_v, dtype=np.float64)[window])
+        voltage_v=np.asarray(scored.voltage_v, dtype=np.float64))
 
 
 def _entry(metadata: Mapping[str, str], key: str) -> str:

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from piezo_ros.bag import BlockCodec
 from piezo_ros.bag.chunk_scan import scan
 from piezo_ros.bag.container import Piece
-from piezo_ros.bag.stream import StreamAssembler
+from piezo_ros.bag.stream import Collected, Stream, StreamAssembler
 
 PERIOD_S = 1e-5
 
@@ -20,11 +20,13 @@ def _piece(raws):
     return Piece(data, scan(data).messages)
 
 
-def _assembled(pieces):
-    assembler = StreamAssembler('voltage')
+def _assembled(pieces, kept=None):
+    samples = Collected(kept)
+    assembler = StreamAssembler('voltage', samples)
     for piece in pieces:
         assembler.add(piece, piece.messages)
-    return assembler.result()
+    return Stream(
+        assembler.start_index, assembler.sample_period_s, samples.samples(), assembler.problem)
 
 
 def _big_endian(index, samples):
@@ -90,14 +92,30 @@ def test_messages_between_those_of_other_streams_are_found():
     piece = _piece(raws)
     own = np.array([
         place for place, raw in zip(piece.messages, raws, strict=True) if b'voltage' in raw])
-    assembler = StreamAssembler('voltage')
-    assembler.add(piece, own)
-    np.testing.assert_array_equal(assembler.result().samples, np.arange(50.0))
+    samples = Collected()
+    StreamAssembler('voltage', samples).add(piece, own)
+    np.testing.assert_array_equal(samples.samples(), np.arange(50.0))
 
 
-def test_a_stream_without_blocks_or_with_its_end_alone_is_none():
-    assert _assembled([]) is None
-    assert _assembled([_piece([BlockCodec('voltage').encode(0, PERIOD_S, [])])]) is None
+def test_a_stream_without_blocks_or_with_its_end_alone_has_no_samples_and_no_problem():
+    for pieces in ([], [_piece([BlockCodec('voltage').encode(0, PERIOD_S, [])])]):
+        assert _assembled(pieces).samples.size == 0
+        assert _assembled(pieces).problem is None
+
+
+@given(
+    st.lists(st.integers(1, 5), min_size=1, max_size=20), st.integers(0, 30), st.integers(1, 60),
+    st.integers(1, 7), st.integers(0, 10))
+def test_any_part_of_the_samples_can_be_kept(sizes, start, length, every, first_index):
+    starts = first_index + np.cumsum([0, *sizes])
+    raws = [
+        BlockCodec('voltage').encode(
+            int(begin), PERIOD_S, np.arange(begin, begin + size, dtype=float))
+        for begin, size in zip(starts[:-1], sizes, strict=True)]
+    kept = range(start, start + length, every)
+    result = _assembled([_piece([raw]) for raw in raws], kept)
+    expected = [index for index in range(first_index, int(starts[-1])) if index in kept]
+    np.testing.assert_array_equal(result.samples, expected)
 
 
 @pytest.mark.parametrize('cut', range(1, 24))

@@ -245,3 +245,27 @@ def test_a_bag_that_is_none_fails_in_words(identify, tmp_path):
     code, _, err = identify('hysteresis', tmp_path / 'nothing')
     assert code == 1
     assert 'nothing' in err
+
+
+def test_one_of_several_samples_and_a_part_of_the_run_will_do(triangle, identify):
+    def element_of(*arguments):
+        code, out, _ = identify('hysteresis', triangle, '--elements', 3, '--force', *arguments)
+        assert code == 0
+        return float(out.partition('residual ')[2].split()[0])
+
+    whole = element_of()
+    assert element_of('--every', 3) < 2.0 * whole
+    # The first period alone is an easier task.
+    assert element_of('--to-s', 0.01) < whole
+    element_of('--from-s', 0.01, '--used')
+
+
+@pytest.mark.parametrize(('arguments', 'message'), [
+    (('--from-s', 7.0), 'no sample from --from-s 7 to --to-s inf, it lasts from 0 s to 0.04999 s'),
+    (('--from-s', 0.02, '--to-s', 0.01), 'no sample from'),
+    (('--every', 10**6, '--from-s', 0.01), 'has no index that 1000000 divides'),
+])
+def test_a_part_without_samples_is_refused(triangle, identify, arguments, message):
+    code, _, err = identify('hysteresis', triangle, *arguments)
+    assert code == 1
+    assert message in err

@@ -25,10 +25,17 @@ def synthetic_run(
     reference_um = triangle(k)
     displacement_um = triangle(k - lag) + 0.004 * lag * np.sin(2 * np.pi * 11 * cycles * k)
     voltage_v = displacement_um / 1.1 + 0.2 * np.sign(np.gradient(displacement_um))
-    return SimpleNamespace(
-        samples=samples, sample_period_s=sample_period_s, metadata=values,
-        time_s=k * sample_period_s,
-        reference_um=reference_um, displacement_um=displacement_um, voltage_v=voltage_v)
+    arrays = {
+        'time_s': k * sample_period_s, 'reference_um': reference_um,
+        'displacement_um': displacement_um, 'voltage_v': voltage_v}
+
+    def part(start, stop):
+        return SimpleNamespace(
+            **{name: getattr(run, name)[start:stop] for name in arrays})
+
+    run = SimpleNamespace(
+        samples=samples, sample_period_s=sample_period_s, metadata=values, part=part, **arrays)
+    return run
 
 
 @pytest.fixture

@@ -1,0 +1,262 @@
+"""What the files of a bag hold: streams by namespace, metadata, parameters, damage."""
+
+from collections.abc import Callable, Collection
+from pathlib import Path
+from typing import Any, Final, Generic, NamedTuple, TypeVar
+
+import yaml
+from mcap.records import Attachment, Channel, Metadata, Schema
+
+from piezo_ros.bag.block import STREAMS
+from piezo_ros.bag.container import McapFile, Piece
+from piezo_ros.bag.errors import BagError
+from piezo_ros.bag.layout import mcap_files
+from piezo_ros.bag.message_type import TYPE_NAME
+from piezo_ros.bag.stream import Sink, StreamAssembler
+from piezo_ros.bag.writer import FORMAT_VERSION, PARAMETERS_NAME, RECORD_NAME
+
+__all__ = ['LOST_KEY', 'Contents', 'Facts', 'Span', 'stream_of']
+
+LOST_KEY: Final = 'lost'  # entry of the metadata record in which a salvaged bag names its losses
+_Sink = TypeVar('_Sink', bound=Sink)
+# Namespace and stream -> first index and end of its samples in one piece.
+Span = dict[tuple[str, str], tuple[int, int]]
+
+
+class Facts(NamedTuple, Generic[_Sink]):
+    """
+    A bag that was looked through from end to end, apart from its samples.
+
+    Attributes
+    ----------
+    namespace : str
+        Namespace of the rig, '/' for the root.
+    sample_period_s : float
+        Sample period, seconds.
+    start_index, samples : int
+        Index of the first sample that all streams have, and their number from there on.
+    streams : dict of str to (StreamAssembler, sink)
+        The streams that have samples, in the order of `STREAMS`.
+    parameters : dict
+        Node name, as in the attached parameter file, to its parameters.
+    metadata : dict of str to str
+        The metadata record 'piezo_ros'; empty for a foreign recording.
+    lost : tuple of str
+        Sentences that say what is missing.
+    topics : tuple of str
+        Names of all topics in the bag.
+
+    """
+
+    namespace: str
+    sample_period_s: float
+    start_index: int
+    samples: int
+    streams: dict[str, tuple[StreamAssembler, _Sink]]
+    parameters: dict[str, dict[str, Any]]
+    metadata: dict[str, str]
+    lost: tuple[str, ...]
+    topics: tuple[str, ...]
+
+
+class Contents(Generic[_Sink]):
+    """
+    The content of a bag, file by file, its samples handed to sinks.
+
+    Parameters
+    ----------
+    path : Path
+        The bag.
+    sink : callable
+        Makes the sink of a stream when its first message comes.
+    wanted : collection of str, optional
+        The streams to look at; all by default.
+    keep_not_finite : bool, optional
+        Whether samples that are NaN or infinite are in order.
+
+    Attributes
+    ----------
+    spans : dict of Path to list of Span
+        What is in each piece of each file.
+    files : dict of Path to McapFile
+        The files that were read.
+
+    Raises
+    ------
+    BagError
+        If the bag cannot be read.
+
+    """
+
+    def __init__(
+        self, path: Path, sink: Callable[[], _Sink], *,
+        wanted: Collection[str] = tuple(STREAMS), keep_not_finite: bool = False,
+    ) -> None:
+        self._path = path
+        self._sink = sink
+        self._wanted = wanted
+        self._keep_not_finite = keep_not_finite
+        self._metadata: list[Metadata] = []
+        self._attachments: list[Attachment] = []
+        self._damage: list[str] = []
+        self._topics: set[str] = set()
+        self._streams: dict[str, dict[str, tuple[StreamAssembler, _Sink]]] = {}
+        self.spans: dict[Path, list[Span]] = {}
+        self.files: dict[Path, McapFile] = {}
+        for file in mcap_files(path):
+            self._add(file)
+
+    def _add(self, path: Path) -> None:
+        file = McapFile(path)
+        self.files[path] = file
+        spans = self.spans[path] = []
+        for piece in file.pieces():
+            spans += [{} for _ in range(len(spans), piece.number)]
+            spans.append(self._take(file, piece))
+        self._topics.update(channel.topic for channel in file.channels.values())
+        self._metadata += file.metadata
+        self._attachments += file.attachments
+        self._damage += file.damage
+
+    def _take(self, file: McapFile, piece: Piece) -> Span:
+        span: Span = {}
+        for number, messages in piece.by_channel():
+            place = stream_of(file.schemas, file.channels.get(number))
+            if place is None or place[1] not in self._wanted:
+                continue
+            namespace, stream = place
+            streams = self._streams.setdefault(namespace, {})
+            if stream not in streams:
+                sink = self._sink()
+                streams[stream] = StreamAssembler(
+                    stream, sink, keep_not_finite=self._keep_not_finite), sink
+            assembler, _ = streams[stream]
+            before = assembler.count
+            assembler.add(piece, messages)
+            if assembler.count > before:
+                first = assembler.start_index
+                span[place] = first + before, first + assembler.count
+        return span
+
+    def facts(self, namespace: str | None, *, allow_loss: bool) -> Facts[_Sink]:
+        """
+        Return all that is known of the streams of one rig.
+
+        Parameters
+        ----------
+        namespace : str or None
+            Namespace of the rig; needed only where several rigs are in the bag.
+        allow_loss : bool
+            Whether a damaged bag will do as far as it is whole.
+
+        Raises
+        ------
+        BagError
+            If the bag has another format version, no stream or several rigs, or is damaged.
+
+        """
+        path = self._path
+        if self._damage and not allow_loss:
+            raise BagError(
+                f'{path} is damaged: {"; ".join(self._damage)}. `piezo bag salvage {path}` '
+                'recovers what is whole')
+        metadata = _record(path, self._metadata)
+        chosen = self._namespace(namespace)
+        found = {
+            stream: self._streams[chosen][stream] for stream in STREAMS
+            if stream in self._streams[chosen]}
+        problems = [
+            assembler.problem for assembler, _ in found.values() if assembler.problem is not None]
+        if problems and not allow_loss:
+            raise BagError(f'{path}: {"; ".join(problems)}')
+        streams = {stream: pair for stream, pair in found.items() if pair[0].count}
+        assemblers = {stream: assembler for stream, (assembler, _) in streams.items()}
+        start, stop, period_s = _common(path, assemblers, problems)
+        return Facts(
+            chosen, period_s, start, stop - start, streams,
+            _parameters(path, self._attachments), metadata,
+            (*metadata.get(LOST_KEY, '').splitlines(), *self._damage, *problems),
+            tuple(sorted(self._topics)))
+
+    def _namespace(self, wanted: str | None) -> str:
+        """Return the namespace to read."""
+        choices = ', '.join(sorted(self._streams))
+        if not self._streams:
+            topics = ', '.join(sorted(self._topics)) or 'none'
+            raise BagError(
+                f'{self._path} has no stream: no messages of type {TYPE_NAME} on a topic that '
+                f'ends in one of {", ".join(self._wanted)}; its topics are {topics}')
+        if wanted is not None:
+            name = '/' + wanted.strip('/')
+            if name not in self._streams:
+                raise BagError(
+                    f'{self._path} has no stream in the namespace {name}, choices are {choices}')
+            return name
+        if len(self._streams) > 1:
+            raise BagError(
+                f'{self._path} has streams in several namespaces, say which: {choices}')
+        return next(iter(self._streams))
+
+
+def stream_of(schemas: dict[int, Schema], channel: Channel | None) -> tuple[str, str] | None:
+    """Return namespace and stream of a channel, None if it is no stream."""
+    if channel is None or channel.message_encoding != 'cdr':
+        return None
+    schema = schemas.get(channel.schema_id)
+    parent, _, stream = channel.topic.rpartition('/')
+    if schema is None or schema.name != TYPE_NAME or stream not in STREAMS:
+        return None
+    return parent or '/', stream
+
+
+def _record(path: Path, records: list[Metadata]) -> dict[str, str]:
+    """Return the metadata record of this package, checked; empty if there is none."""
+    entries: dict[str, str] = {}
+    for record in records:
+        if record.name == RECORD_NAME:
+            version = record.metadata.get('format_version')
+            if version != FORMAT_VERSION:
+                raise BagError(
+                    f'{path} has the format_version {version!r}, this release reads '
+                    f'{FORMAT_VERSION!r}')
+            entries.update(record.metadata)
+    return entries
+
+
+def _parameters(path: Path, attachments: list[Attachment]) -> dict[str, dict[str, Any]]:
+    """Return the attached parameters by node."""
+    parameters: dict[str, dict[str, Any]] = {}
+    for attachment in attachments:
+        if attachment.name != PARAMETERS_NAME:
+            continue
+        try:
+            nodes = yaml.load(attachment.data, getattr(yaml, 'CSafeLoader', yaml.SafeLoader)) or {}
+            for node, content in nodes.items():
+                parameters.setdefault(node, {}).update(content['ros__parameters'] or {})
+        except (yaml.YAMLError, AttributeError, KeyError, TypeError, ValueError) as error:
+            raise BagError(
+                f'{path}: the attachment {PARAMETERS_NAME} is no ROS parameter file '
+                f'({error})') from error
+    return parameters
+
+
+def _common(
+    path: Path, streams: dict[str, StreamAssembler], problems: list[str],
+) -> tuple[int, int, float]:
+    """Return the first index and the end of the common samples, and their period."""
+    if not streams:
+        raise BagError(f'{path} has no sample{"; ".join(["", *problems])}')
+    (first_name, first), *others = streams.items()
+    for name, stream in others:
+        if stream.sample_period_s != first.sample_period_s:
+            raise BagError(
+                f'{path}: the sample period of stream {name!r} is {stream.sample_period_s} s, '
+                f'that of {first_name!r} is {first.sample_period_s} s')
+    start = max(stream.start_index for stream in streams.values())
+    stop = min(stream.start_index + stream.count for stream in streams.values())
+    if stop <= start:
+        ranges = ', '.join(
+            f'{name} {stream.start_index} … {stream.start_index + stream.count - 1}'
+            for name, stream in streams.items())
+        raise BagError(f'{path}: no sample is common to all streams: {ranges}')
+    return start, stop, first.sample_period_s

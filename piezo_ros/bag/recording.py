@@ -1,0 +1,231 @@
+"""A bag that stays on the disk: looked through once, then read piece by piece as it is needed."""
+
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from piezo_ros.bag.block import STREAMS
+from piezo_ros.bag.container import McapFile
+from piezo_ros.bag.contents import Contents, Facts, Span, stream_of
+from piezo_ros.bag.errors import BagError
+from piezo_ros.bag.run import Run, check_part, missing_stream, run_of
+from piezo_ros.bag.stream import Collected, Extremes, Stream, StreamAssembler
+
+__all__ = ['Recording', 'StreamSummary', 'open_recording']
+
+
+class StreamSummary(NamedTuple):
+    """
+    One stream in short.
+
+    Attributes
+    ----------
+    start_index, samples : int
+        Index of its first sample and their number, also of those that other streams lack.
+    minimum, maximum : float
+        Smallest and largest of them, in the stream's unit.
+
+    """
+
+    start_index: int
+    samples: int
+    minimum: float
+    maximum: float
+
+
+@dataclass(frozen=True)
+class Recording:
+    """
+    A run in a bag, its samples on the disk.
+
+    Memory holds what `part` returns, a few chunks of the file, and a hundred bytes for each
+    chunk, however long the run is.
+
+    Attributes
+    ----------
+    path : Path
+        The bag.
+    facts : Facts
+        Everything but the samples.
+
+    """
+
+    path: Path
+    facts: Facts[Extremes]
+    _spans: Mapping[Path, list[Span]]
+    _files: Mapping[Path, McapFile]
+    _keep_not_finite: bool
+
+    @property
+    def namespace(self) -> str:
+        """Namespace of the rig, '/' for the root."""
+        return self.facts.namespace
+
+    @property
+    def sample_period_s(self) -> float:
+        """Sample period, seconds."""
+        return self.facts.sample_period_s
+
+    @property
+    def start_index(self) -> int:
+        """Index of the first sample that all streams have."""
+        return self.facts.start_index
+
+    @property
+    def samples(self) -> int:
+        """Number of samples from there on that all streams have."""
+        return self.facts.samples
+
+    @property
+    def parameters(self) -> dict[str, dict[str, Any]]:
+        """Node name, as in the attached parameter file, to its parameters."""
+        return self.facts.parameters
+
+    @property
+    def metadata(self) -> dict[str, str]:
+        """The metadata record 'piezo_ros'; empty for a foreign recording."""
+        return self.facts.metadata
+
+    @property
+    def lost(self) -> tuple[str, ...]:
+        """Sentences that say what is missing, as `Run.lost`."""
+        return self.facts.lost
+
+    @property
+    def streams(self) -> dict[str, StreamSummary]:
+        """The streams that have samples, in the order of `STREAMS`."""
+        return {
+            stream: StreamSummary(
+                assembler.start_index, assembler.count, extremes.minimum, extremes.maximum)
+            for stream, (assembler, extremes) in self.facts.streams.items()}
+
+    def described(self, metadata: Mapping[str, str]) -> 'Recording':
+        """Return the same recording with other metadata: for bags that say nothing."""
+        return replace(self, facts=self.facts._replace(metadata=dict(metadata)))
+
+    def part(
+        self, start: int, stop: int, *, every: int = 1, streams: Collection[str] | None = None,
+    ) -> Run:
+        """
+        Read some of the aligned samples.
+
+        Parameters
+        ----------
+        start, stop : int
+            Half-open range among the `samples` aligned ones, counted from 0.
+        every : int, optional
+            Take one of so many samples, those whose index it divides. The sample period of the
+            run is longer by that factor, its indices count in it.
+        streams : collection of str, optional
+            Which streams to read; all by default.
+
+        Raises
+        ------
+        ValueError
+            If the range is empty or leaves the samples, or ``every`` leaves nothing of it.
+        BagError
+            If there is no such stream, or the files have changed.
+
+        """
+        check_part(start, stop, self.samples)
+        first, last = self.start_index + start, self.start_index + stop
+        first += -first % every
+        kept = range(first, last, every)
+        if not kept:
+            raise ValueError(f'the part {start} … {stop} has no index that {every} divides')
+        wanted = tuple(self.facts.streams) if streams is None else tuple(streams)
+        for stream in wanted:
+            if stream not in self.facts.streams:
+                raise missing_stream(self.path, stream, self.namespace, self.facts.topics)
+        sinks = {stream: Collected(kept) for stream in wanted}
+        self._read(sinks, kept)
+        samples = {stream: sinks[stream].samples() for stream in STREAMS if stream in sinks}
+        if any(values.size != len(kept) for values in samples.values()):
+            raise BagError(f'{self.path} has changed since it was opened')
+        period_s = self.sample_period_s * every
+        return run_of(
+            self.path, self.facts,
+            {stream: Stream(first // every, period_s, values, None)
+             for stream, values in samples.items()},
+            start_index=first // every, samples=len(kept), sample_period_s=period_s)
+
+    def pieces(self, samples: int = 1_000_000) -> Iterator[Run]:
+        """
+        Read all aligned samples, piece by piece.
+
+        Parameters
+        ----------
+        samples : int, optional
+            The most in one piece.
+
+        Yields
+        ------
+        Run
+            The pieces, in order; together they are the run.
+
+        """
+        for start in range(0, self.samples, samples):
+            yield self.part(start, min(start + samples, self.samples))
+
+    def _read(self, sinks: Mapping[str, Collected], kept: range) -> None:
+        """Hand the samples to the sinks, out of the pieces of the files that hold them."""
+        assemblers = {
+            stream: StreamAssembler(stream, sink, keep_not_finite=self._keep_not_finite)
+            for stream, sink in sinks.items()}
+        for path, spans in self._spans.items():
+            needed = [self._needed(span, sinks, kept) for span in spans]
+            if not any(needed):
+                continue
+            surveyed = self._files[path]
+            file = McapFile(path)
+            # They may stand in a piece that is not read again.
+            file.schemas.update(surveyed.schemas)
+            file.channels.update(surveyed.channels)
+            for piece in file.pieces(needed):
+                for number, messages in piece.by_channel():
+                    place = stream_of(file.schemas, file.channels.get(number))
+                    if place is not None and place[0] == self.namespace and (
+                            place[1] in needed[piece.number]):
+                        assemblers[place[1]].add(piece, messages)
+
+    def _needed(self, span: Span, sinks: Mapping[str, Collected], kept: range) -> frozenset[str]:
+        """
+        Return the streams of which a piece holds wanted samples.
+
+        Of a stream these pieces follow one another, though others may lie between them.
+        """
+        return frozenset(
+            stream for (namespace, stream), (first, stop) in span.items()
+            if namespace == self.namespace and stream in sinks
+            and first < kept.stop and stop > kept.start)
+
+
+def open_recording(
+    path: Path | str, *, namespace: str | None = None, allow_loss: bool = False,
+    keep_not_finite: bool = False,
+) -> Recording:
+    """
+    Look through a bag without keeping its samples: for runs that are longer than the memory.
+
+    Parameters
+    ----------
+    path, namespace, allow_loss, keep_not_finite
+        As `read` takes them.
+
+    Returns
+    -------
+    Recording
+        The run; everything that `read` refuses has been refused.
+
+    Raises
+    ------
+    BagError
+        As `read`.
+
+    """
+    path = Path(path)
+    contents = Contents(path, Extremes, keep_not_finite=keep_not_finite)
+    return Recording(
+        path, contents.facts(namespace, allow_loss=allow_loss), contents.spans, contents.files,
+        keep_not_finite)

@@ -1,0 +1,191 @@
+"""The streams of one run as arrays."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from piezo_ros.bag.contents import Facts
+from piezo_ros.bag.errors import BagError
+from piezo_ros.bag.stream import Stream
+
+__all__ = ['Run', 'check_part', 'missing_stream', 'run_of']
+
+
+@dataclass(frozen=True)
+class Run:
+    """
+    The streams of one run, aligned by index.
+
+    Attributes
+    ----------
+    path : Path
+        The bag.
+    namespace : str
+        Namespace of the rig, '/' for the root.
+    sample_period_s : float
+        Sample period, seconds.
+    start_index : int
+        Index of the first sample that all streams have.
+    samples : int
+        Number of samples from there on that all streams have.
+    parameters : dict
+        Node name, as in the attached parameter file, to its parameters.
+    metadata : dict of str to str
+        The metadata record 'piezo_ros'; empty for a foreign recording.
+    lost : tuple of str
+        Sentences that say what is missing; empty unless losses were allowed or the bag came from
+        `salvage`.
+    topics : tuple of str
+        Names of all topics in the bag.
+
+    """
+
+    path: Path
+    namespace: str
+    sample_period_s: float
+    start_index: int
+    samples: int
+    parameters: dict[str, dict[str, Any]]
+    metadata: dict[str, str]
+    lost: tuple[str, ...]
+    topics: tuple[str, ...]
+    _streams: Mapping[str, Stream] = field(repr=False)
+
+    @property
+    def streams(self) -> tuple[str, ...]:
+        """The streams in this run that have samples, in the order of `STREAMS`."""
+        return tuple(self._streams)
+
+    @property
+    def time_s(self) -> NDArray[np.float64]:
+        """Times of the aligned samples, index times sample period, seconds, shape (samples,)."""
+        indices = np.arange(self.start_index, self.start_index + self.samples, dtype=np.float64)
+        return indices * self.sample_period_s
+
+    @property
+    def reference_um(self) -> NDArray[np.float64]:
+        """Desired displacement, µm, shape (samples,)."""
+        return self._aligned('reference')
+
+    @property
+    def feedforward_um(self) -> NDArray[np.float64]:
+        """Feedforward command, µm, shape (samples,)."""
+        return self._aligned('feedforward')
+
+    @property
+    def command_um(self) -> NDArray[np.float64]:
+        """Linearised command, µm, shape (samples,)."""
+        return self._aligned('command')
+
+    @property
+    def voltage_v(self) -> NDArray[np.float64]:
+        """Amplifier input, V, shape (samples,)."""
+        return self._aligned('voltage')
+
+    @property
+    def displacement_um(self) -> NDArray[np.float64]:
+        """Measured displacement, µm, shape (samples,)."""
+        return self._aligned('displacement')
+
+    def whole(self, stream: str) -> tuple[int, NDArray[np.float64]]:
+        """
+        Return all samples of one stream, also those that other streams lack.
+
+        Parameters
+        ----------
+        stream : str
+            One of `streams`.
+
+        Returns
+        -------
+        start_index : int
+            Index of the first sample.
+        samples : ndarray of float64, shape (n,)
+            The samples, in the stream's unit.
+
+        Raises
+        ------
+        BagError
+            If the run has no such stream.
+
+        """
+        if stream not in self._streams:
+            raise missing_stream(self.path, stream, self.namespace, self.topics)
+        return self._streams[stream].start_index, self._streams[stream].samples
+
+    def _aligned(self, stream: str) -> NDArray[np.float64]:
+        start, samples = self.whole(stream)
+        first = self.start_index - start
+        return samples[first:first + self.samples]
+
+    def part(self, start: int, stop: int) -> 'Run':
+        """
+        Return some of the aligned samples.
+
+        Parameters
+        ----------
+        start, stop : int
+            Half-open range among the `samples` aligned ones, counted from 0.
+
+        Raises
+        ------
+        ValueError
+            If the range is empty or leaves the samples.
+
+        """
+        check_part(start, stop, self.samples)
+        first = self.start_index + start
+        return replace(
+            self, start_index=first, samples=stop - start,
+            _streams={
+                stream: Stream(
+                    first, self.sample_period_s, self._aligned(stream)[start:stop], None)
+                for stream in self.streams})
+
+
+def run_of(
+    path: Path, facts: Facts[Any], streams: Mapping[str, Stream], *, start_index: int | None = None,
+    samples: int | None = None, sample_period_s: float | None = None,
+) -> Run:
+    """
+    Return a run out of what is known of a bag and of its samples, or some of them.
+
+    Parameters
+    ----------
+    path : Path
+        The bag.
+    facts : Facts
+        What is known of it.
+    streams : mapping of str to Stream
+        The samples.
+    start_index, samples, sample_period_s : optional
+        Of the samples, where they are not all.
+
+    """
+    return Run(
+        path=path, namespace=facts.namespace,
+        sample_period_s=sample_period_s or facts.sample_period_s,
+        start_index=facts.start_index if start_index is None else start_index,
+        samples=facts.samples if samples is None else samples,
+        parameters=facts.parameters, metadata=facts.metadata, topics=facts.topics,
+        _streams=streams, lost=facts.lost)
+
+
+def missing_stream(
+    path: Path, stream: str, namespace: str, topics: tuple[str, ...],
+) -> BagError:
+    """Return the error that a run lacks a stream."""
+    return BagError(
+        f'{path} has no samples of the stream {stream!r} in the namespace {namespace}; its topics '
+        f'are {", ".join(topics)}')
+
+
+def check_part(start: int, stop: int, samples: int) -> None:
+    """Refuse a range that is empty or leaves the samples."""
+    if not 0 <= start < stop <= samples:
+        raise ValueError(
+            f'the part {start} … {stop} of {samples} samples is empty or outside of them')
