@@ -13,6 +13,7 @@ import pytest
 import yaml
 
 from piezo_ros.bag import STREAMS
+from piezo_ros.experiment.launching import LAUNCH_FILES, node_processes
 
 ROOT = Path(__file__).parents[2]
 PATIENCE_S = 90.0
@@ -166,6 +167,22 @@ def _rigs(make_directory):
 def rig(tmp_path):
     """One rig whose processes end with the test."""
     yield from (make() for make in _rigs(lambda: tmp_path))
+
+
+@pytest.fixture
+def launched(rig):
+    """Start what scan.launch.py would."""
+    def start(**given):
+        values = {
+            argument.name: str(ROOT / 'config' / argument.default)
+            if argument.name.endswith('_file') else argument.default
+            for argument in LAUNCH_FILES['scan.launch.py']}
+        return {
+            process.executable: rig.start_process(
+                process.executable, '--ros-args', *process.ros_arguments)
+            for process in node_processes('scan.launch.py', {**values, **given})}
+
+    return start
 
 
 @pytest.fixture(scope='module')

@@ -7,24 +7,12 @@ import pytest
 import yaml
 
 from piezo_ros.bag import STREAMS, read
-from piezo_ros.experiment.launching import LAUNCH_FILES, node_processes
 from piezo_ros.experiment.offline import simulate_run
 from piezo_ros.experiment.plan import read_plan
 
 ROOT = Path(__file__).parents[2]
 CONFIG = ROOT / 'config'
 EXAMPLE = ROOT / 'docs' / 'examples' / 'gain_plant.py'
-
-
-def launch(rig, **given):
-    """Start what scan.launch.py would."""
-    values = {
-        argument.name: str(CONFIG / argument.default) if argument.name.endswith('_file')
-        else argument.default for argument in LAUNCH_FILES['scan.launch.py']}
-    return {
-        process.executable: rig.start_process(
-            process.executable, '--ros-args', *process.ros_arguments)
-        for process in node_processes('scan.launch.py', {**values, **given})}
 
 
 @pytest.fixture
@@ -43,13 +31,13 @@ def alone(tmp_path):
     return simulate
 
 
-def test_two_rigs_in_two_namespaces_give_the_numbers_that_they_give_alone(rig, alone):
+def test_two_rigs_in_two_namespaces_give_the_numbers_that_they_give_alone(rig, launched, alone):
     runs = {
         'one': {'amplitude_um': 1.5, 'periods': 3.0, 'scheme': 'fbff'},
         'two': {'amplitude_um': 1.0, 'periods': 3.0, 'scheme': 'ff'}}
     started = {
-        name: launch(
-            rig, namespace=f'{rig.namespace}/{name}', record='true',
+        name: launched(
+            namespace=f'{rig.namespace}/{name}', record='true',
             bag_directory=str(rig.directory / name), composed=composed,
             **{key: str(value) for key, value in run.items()})
         for (name, run), composed in zip(runs.items(), ('false', 'true'), strict=True)}
@@ -65,14 +53,14 @@ def test_two_rigs_in_two_namespaces_give_the_numbers_that_they_give_alone(rig, a
         } == {f'{rig.namespace}/{name}'}
 
 
-def test_a_foreign_plant_takes_its_place_in_the_loop(rig):
+def test_a_foreign_plant_takes_its_place_in_the_loop(rig, launched):
     """The plant of the documentation, which knows nothing of this package."""
     bag = rig.directory / 'bag'
     plant = rig.start_file(
         EXAMPLE, '--ros-args', '-r', f'__ns:={rig.namespace}', '-p', 'required_readers:=2',
         '-p', 'gain_um_per_v:=1.25', '-p', 'delay_samples:=3')
-    started = launch(
-        rig, namespace=rig.namespace, record='true', bag_directory=str(bag), without='plant',
+    started = launched(
+        namespace=rig.namespace, record='true', bag_directory=str(bag), without='plant',
         scheme='fbff', periods='2.0')
     assert [*started] == ['recorder', 'compensator', 'controller', 'trajectory']
     assert started['recorder'].wait() == 0, started['recorder'].output

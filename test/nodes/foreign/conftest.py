@@ -53,6 +53,10 @@ class Peer:
         self._status[status['node']] = status
         self.reports[status['node']] += 1
 
+    def status(self, node):
+        """Return the newest status of a node, nothing where there was none."""
+        return self._status.get(node, {})
+
     def writer(self, stream):
         return self.node.create_publisher(
             Float64MultiArray, stream, QoSProfile(

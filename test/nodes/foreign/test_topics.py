@@ -1,6 +1,7 @@
 """What is seen of a running rig: the topics and services that documents and layouts name."""
 
 import re
+import signal
 from pathlib import Path
 
 from piezo_ros.bag import STREAMS
@@ -37,3 +38,20 @@ def test_a_rig_has_the_topics_and_services_of_its_page(rig, peer):
                 'plant', 'controller', 'compensator', 'trajectory']))
 
     peer.wait(served, f'the services {services}')
+
+
+def test_ctrl_c_on_a_launched_rig_ends_every_node_at_zero_volts(rig, peer, launched):
+    """A terminal sends SIGINT to all of them at once, and launch sends it again."""
+    nodes = launched(namespace=rig.namespace, periods='3000.0')
+    assert [*nodes] == ['compensator', 'controller', 'plant', 'trajectory']
+    peer.wait(
+        lambda: peer.status('plant').get('index', 0) > 100
+        and peer.status('plant')['voltage_v'] != 0.0, 'a voltage')
+    for _ in range(2):
+        for process in nodes.values():
+            process.send(signal.SIGINT)
+    status = peer.wait_for_status('plant', voltage_v=0.0, reason='SIGINT')
+    assert status['state'] == 'stopped'
+    for process in nodes.values():
+        assert process.wait() in (0, 1)
+        assert 'Traceback' not in process.output
