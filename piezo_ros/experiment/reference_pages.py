@@ -30,6 +30,8 @@ def parameter_page() -> str:
         'that does not go together with the others, is refused with the reason; of several values',
         'in one atomic call all are taken or none. When a node takes a new value:', '',
         *(f'* {_CHANGE_WORDS[change]}: {text}' for change, text in CHANGES.items()), '',
+        'Beside these every node has the standard `qos_overrides.<topic>.<publisher or',
+        'subscription>.<policy>` of its topics, which are read-only, and `use_sim_time`.', '',
         '## Every node', '', *_parameter_table([StageParameters])]
     for node, sets in NODE_PARAMETERS.items():
         own = [parameter_set for parameter_set in sets if parameter_set is not StageParameters]

@@ -70,6 +70,23 @@ def test_a_run_that_should_have_ended_is_named(way, fault):
         assert f'{fault}: voltage at zero' in wrong(node.run.findings)
 
 
+@pytest.mark.parametrize(('way', 'what', 'detail'), [
+    ('NeverDemands', 'demand ahead of what is consumed', '/demand has no writer'),
+    ('DemandsOnceAndForAll', 'demand ahead of what is consumed', 'must be transient_local'),
+    ('AnswersTwice', 'v[k] as soon as y_d[k], u_ff[k] and y[k] are there', '2 samples of'),
+    ('WaitsForTheNextMeasurement', 'v[k] as soon as y_d[k], u_ff[k] and y[k] are there',
+     '0 samples of'),
+])
+def test_what_is_wrong_with_a_controller_is_named(way, what, detail):
+    command = [sys.executable, str(FOLDER / 'wrong_controller.py'), way]
+    settings = SETTINGS._replace(sample_period_s=1e-5)
+    if way == 'WaitsForTheNextMeasurement':
+        settings = settings._replace(patience_s=2.0)
+    with StartedNode('controller', command, settings) as node:
+        node.run.ordinary(disturbed=False)
+    assert detail in wrong(node.run.findings)[what]
+
+
 def test_a_state_that_refused_blocks_have_changed_is_named():
     findings = []
     for disturbed in (True, False, False):
