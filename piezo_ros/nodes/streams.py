@@ -35,6 +35,7 @@ if TYPE_CHECKING:
 __all__ = ['StreamFault', 'StreamReader', 'StreamWriter']
 
 _WARN_S = 2.0  # a warning of one kind at most this often
+_PATIENCE_S = 1.0  # for a reader that is merely slow, as a recorder may be
 
 
 class StreamFault(Exception):
@@ -49,7 +50,7 @@ class StreamWriter:
         self.publisher = stage.create_publisher(
             Float64MultiArray, stream, **overridable(STREAM))
         self.newest = 0.0
-        self.is_waiting = False  # for a reader that does not take
+        self.is_waiting = False  # for a reader, for so long that it was warned of
         self._stage = stage
         self._codec = BlockCodec(stream)
         # A block of one sample is written over the one before: no bytes are put together for it.
@@ -108,12 +109,12 @@ class StreamWriter:
 
     def _publish_patiently(self, raw: bytes | bytearray) -> None:
         """Wait for a reader, dropping nothing, unless the stage shall stop."""
-        warned = 0.0
-        self.is_waiting = True
+        warn_at = time.monotonic() + _PATIENCE_S
         while not self._stage.stop_requested:
             now = time.monotonic()
-            if now - warned > _WARN_S:
-                warned = now
+            if now >= warn_at:
+                warn_at = now + _WARN_S
+                self.is_waiting = True
                 self._stage.get_logger().warning(
                     f'{self.publisher.topic_name} waits at sample {self.next_index} for a reader '
                     f'that does not take its messages: {self._reader_names()}')

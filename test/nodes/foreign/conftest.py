@@ -57,6 +57,10 @@ class Peer:
         """Return the newest status of a node, nothing where there was none."""
         return self._status.get(node, {})
 
+    def forget(self, node):
+        """Forget what a node has said; its next process speaks for itself."""
+        self._status.pop(node, None)
+
     def writer(self, stream):
         return self.node.create_publisher(
             Float64MultiArray, stream, QoSProfile(

@@ -145,3 +145,39 @@ def test_without_a_writer_the_activation_fails_and_names_the_topic(rig):
     assert process.wait() == 1
     assert f'{rig.namespace}/command has 0 writers, exactly one is needed' in process.output
     assert 'Traceback' not in process.output
+
+
+def test_blocks_of_publishers_that_come_and_go_drive_it_and_wrong_ones_are_refused(
+        compensator, peer, block):
+    """As with ``ros2 topic pub --once``: each block has a publisher of its own."""
+    process, writer = compensator(lost_writer_timeout_s=1e5)
+    writer.publish(block('command', 0, COMMAND_UM[:2], period_s=math.inf))
+    peer.wait_for_status('compensator', state='active', refused=1)
+    process.wait_for('refused a block on')
+    assert 'sample period (data[1])' in process.output
+    topic = writer.topic_name
+    for start, stop in ((0, 5), (5, 300)):
+        peer.node.destroy_publisher(writer)
+        peer.wait(lambda: not peer.node.count_publishers(topic), 'no publisher')
+        writer = peer.writer('command')
+        peer.wait(writer.get_subscription_count, 'the node to be discovered')
+        writer.publish(block('command', start, COMMAND_UM[start:stop]))
+        np.testing.assert_array_equal(
+            peer.wait_for_samples('voltage', stop), _expected_v()[:stop])
+    assert process.exit_code is None
+    assert process.output.count('WARN') == 1
+
+
+def test_who_has_sent_nothing_but_what_was_refused_may_leave(compensator, peer, block):
+    process, writer = compensator()
+    writer.publish(block('command', 0, [math.nan]))
+    peer.wait_for_status('compensator', refused=1)
+    peer.node.destroy_publisher(writer)
+    reports = peer.reports['compensator']
+    # Two reports, a second apart: long after a writer of the run would have been missed.
+    peer.wait(lambda: peer.reports['compensator'] >= reports + 2, 'two more reports')
+    writer = peer.writer('command')
+    peer.wait(writer.get_subscription_count, 'the node to be discovered')
+    writer.publish(block('command', 0, COMMAND_UM))
+    np.testing.assert_array_equal(peer.wait_for_samples('voltage', 300), _expected_v())
+    assert process.exit_code is None

@@ -1,0 +1,135 @@
+"""Every node through every transition, as a lifecycle manager leads it."""
+
+import json
+
+import numpy as np
+import pytest
+import yaml
+from rcl_interfaces.srv import GetParameters, ListParameters
+from rclpy.parameter import parameter_value_to_python
+
+from piezo_ros.experiment.node_parameters import NODE_PARAMETERS
+from piezo_ros.model import HysteresisParameters, MaxwellResistiveCapacitor
+
+COMMAND_UM = 2.0 * np.sin(0.05 * np.arange(200.0))
+# State -> transition -> the state that it leads to; every other transition is refused.
+TRANSITIONS = {
+    'unconfigured': {'configure': 'inactive'},
+    'inactive': {'activate': 'active', 'cleanup': 'unconfigured'},
+    'active': {'deactivate': 'inactive'},
+}
+ALL = ('configure', 'activate', 'deactivate', 'cleanup')
+# A way that takes every transition twice and ends where it began.
+WAY = ('configure', 'cleanup', 'configure', 'activate', 'deactivate', 'activate', 'deactivate',
+       'cleanup')
+
+
+def test_each_state_takes_its_transitions_and_refuses_the_others(rig, peer):
+    peer.writer('command')
+    peer.read('voltage')
+    process = rig.node('compensator', autostart='false', handshake_timeout_s=60.0)
+    state = 'unconfigured'
+    for transition in WAY:
+        for refused in ALL:
+            if refused not in TRANSITIONS[state]:
+                assert not peer.change_state('compensator', refused)
+                assert peer.state('compensator') == state
+        state = TRANSITIONS[state][transition]
+        assert peer.change_state('compensator', transition)
+        assert peer.state('compensator') == state
+        peer.wait_for_status('compensator', state=state)
+    assert state == 'unconfigured'
+    assert peer.change_state('compensator', 'unconfigured_shutdown')
+    assert process.wait() == 0
+    assert 'Traceback' not in process.output
+
+
+MISSING = {
+    'recorder': 'reference has 0 writers',
+    'compensator': 'command has 0 writers',
+    'controller': 'reference has 0 writers|displacement has 0 writers',
+    'plant': 'voltage has 0 writers',
+    'trajectory': 'demand has 0 writers',
+}
+
+
+def test_an_activation_without_peers_fails_and_names_the_topic(rig, peer, tmp_path):
+    processes = {
+        node: rig.node(
+            node, autostart='false', handshake_timeout_s=0.1, required_readers=0,
+            **({'bag_directory': tmp_path / 'bag', 'streams': 'reference'}
+               if node == 'recorder' else {}))
+        for node in NODE_PARAMETERS}
+    for node in NODE_PARAMETERS:
+        for _ in range(2):
+            assert peer.change_state(node, 'configure')
+            for _ in range(2):
+                assert not peer.change_state(node, 'activate')
+                assert peer.state(node) == 'inactive'
+                status = peer.wait_for_status(node, state='inactive', run=0, result='')
+                assert any(
+                    f'{rig.namespace}/{words}' in status['reason']
+                    for words in MISSING[node].split('|')), status
+            assert peer.change_state(node, 'cleanup')
+    for node, process in processes.items():
+        assert peer.change_state(node, 'unconfigured_shutdown')
+        assert process.wait() == 0
+        assert 'Traceback' not in process.output
+
+
+def _dump(peer, node):
+    """Return all parameters of a node, as a tool of ROS dumps them."""
+    names = peer.call(
+        ListParameters, f'{node}/list_parameters', ListParameters.Request()).result.names
+    values = peer.call(
+        GetParameters, f'{node}/get_parameters', GetParameters.Request(names=names)).values
+    plain = {}
+    for name, value in zip(names, values, strict=True):
+        value = parameter_value_to_python(value)
+        plain[name] = value.tolist() if hasattr(value, 'tolist') else value
+    return plain
+
+
+def test_dumped_parameters_load_again_and_give_the_same_run(rig, peer, block, tmp_path):
+    hysteresis = HysteresisParameters(kappa_um_per_v=(3.0, 5.5, 1.3), saturation_v=(0.1, 0.07))
+    expected_v = MaxwellResistiveCapacitor(
+        hysteresis.kappa_um_per_v, hysteresis.saturation_v).inverse(COMMAND_UM)[0]
+    topic = f'{rig.namespace}/voltage'
+    arguments = [
+        '-p', 'kappa_um_per_v:=[3.0, 5.5, 1.3]', '-p', 'saturation_v:=[0.1, 0.07]',
+        '-p', 'handshake_timeout_s:=60.0', '-p', 'linger_s:=0.0',
+        '-p', f'qos_overrides.{topic}.publisher.depth:=5000',
+        '-p', f'qos_overrides.{topic}.publisher.history:=keep_last']
+    peer.read('voltage')
+    dumps = []
+    for number in range(2):
+        writer = peer.writer('command')
+        process = rig.start_node('compensator', *arguments)
+        peer.wait_for_status('compensator', state='active')
+        dumps.append(_dump(peer, 'compensator'))
+        # The overrides of the quality of service are in use.
+        (_endpoint,) = peer.node.get_publishers_info_by_topic(topic)
+        assert dumps[number][f'qos_overrides.{topic}.publisher.depth'] == 5000
+        writer.publish(block('command', 0, COMMAND_UM))
+        np.testing.assert_array_equal(peer.wait_for_samples('voltage', 200), expected_v)
+        writer.publish(block('command', 200, []))
+        assert process.wait() == 0
+        assert 'WARN' not in process.output
+        peer.wait(lambda: len(peer.received['voltage'][-1].data) == 2, 'the end of the voltage')
+        peer.node.destroy_publisher(writer)
+        peer.received['voltage'].clear()
+        peer.forget('compensator')
+        file = tmp_path / f'{number}.yaml'
+        file.write_text(yaml.safe_dump(
+            {f'{rig.namespace}/compensator': {'ros__parameters': dumps[number]}}))
+        arguments = ['--params-file', str(file)]
+    assert dumps[0] == dumps[1]
+
+
+@pytest.mark.parametrize('changes', ['[{"at_sample": 5, "scheme": "fb"}]'])
+def test_what_cannot_be_loaded_is_told_in_one_line(rig, changes):
+    process = rig.node('controller', changes=json.dumps(json.dumps(json.loads(changes)) + ','))
+    assert process.wait() == 1
+    (line,) = process.output.splitlines()
+    assert 'changes' in line
+    assert 'no JSON' in line

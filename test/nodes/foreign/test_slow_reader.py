@@ -1,0 +1,40 @@
+"""A reader that stops reading: the run waits for it, says so, and loses nothing."""
+
+import signal
+from pathlib import Path
+
+from piezo_ros.control import ControllerParameters, TrajectoryParameters, simulate
+from piezo_ros.model import HysteresisParameters, RigParameters
+
+PERIODS = 60.0
+
+
+def test_a_suspended_reader_stops_the_run_until_it_reads_again(rig, peer, tmp_path):
+    onlooker = rig.start_file(
+        Path(__file__).with_name('onlooker.py'), 'displacement', '100', '--ros-args', '-r',
+        f'__ns:={rig.namespace}')
+    onlooker.wait_for('ready')
+    parameters = tmp_path / 'plant.yaml'
+    # The controller and the onlooker.
+    parameters.write_text('/**/plant: {ros__parameters: {required_readers: 2}}')
+    loop = rig.start_node(
+        'loop', '--params-file', str(parameters), '-p', f'periods:={PERIODS}',
+        '-p', 'handshake_timeout_s:=60.0', '-p', 'linger_s:=2.0')
+    onlooker.wait_for('100 samples')
+    onlooker.send(signal.SIGSTOP)
+    warning = f'{rig.namespace}/displacement waits at sample '
+    loop.wait_for(warning)
+    (line,) = {line for line in loop.output.splitlines() if warning in line}
+    assert 'WARN' in line
+    assert f'{rig.namespace}/controller or {rig.namespace}/onlooker' in line
+    assert loop.exit_code is None
+    onlooker.send(signal.SIGCONT)
+    trajectory = TrajectoryParameters(periods=PERIODS)
+    status = peer.wait_for_status('plant', state='finished', index=trajectory.samples + 1)
+    assert status['reason'] == ''
+    assert onlooker.wait() == 0
+    expected = simulate(
+        RigParameters(), HysteresisParameters(), ControllerParameters(), trajectory)
+    total_um = sum(expected.displacement_um.tolist())
+    assert f'{trajectory.samples + 1} samples, sum {total_um!r}\nthe end' in onlooker.output
+    assert loop.wait() == 0

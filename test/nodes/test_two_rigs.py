@@ -1,0 +1,43 @@
+"""Two rigs in two namespaces of one domain, at once: nothing of one is seen in the other."""
+
+import numpy as np
+import yaml
+
+from piezo_ros.bag import STREAMS, read
+
+
+def _plan(path, content, **run):
+    path.write_text(yaml.safe_dump({**content, 'runs': [run]}))
+    return path
+
+
+def test_two_rigs_give_at_once_what_each_gives_alone(rig, make_rig, write_plan, tmp_path):
+    content = yaml.safe_load(write_plan('fbff').read_text())
+    # Long enough to be at work at the same time.
+    plans = {
+        '--separate': _plan(
+            tmp_path / 'separate.yaml', content, scheme='fbff', amplitude_um=1.5, periods=12,
+            plant={'seed': 11}),
+        '--composed': _plan(
+            tmp_path / 'composed.yaml', content, scheme='fb', amplitude_um=0.7, periods=40,
+            plant={'seed': 22})}
+    rigs = dict(zip(plans, (rig, make_rig()), strict=True))
+    rigs['--composed'].environment['ROS_DOMAIN_ID'] = rig.environment['ROS_DOMAIN_ID']
+    live = {
+        how: rigs[how].piezo('run', plan, '-o', tmp_path / how / 'live', how)
+        for how, plan in plans.items()}
+    offline = {
+        how: rigs[how].piezo('simulate', plan, '-o', tmp_path / how / 'offline')
+        for how, plan in plans.items()}
+    for how in plans:
+        assert live[how].wait() == 0, live[how].output
+        assert offline[how].wait() == 0, offline[how].output
+        (bag,) = (tmp_path / how / 'live' / 'bags').iterdir()
+        run, expected = read(bag), read(tmp_path / how / 'offline' / 'bags' / bag.name)
+        assert run.namespace == rigs[how].namespace
+        for stream in STREAMS:
+            np.testing.assert_array_equal(run.whole(stream)[1], expected.whole(stream)[1])
+        # An ordinary run has nothing to warn of.
+        for log in (tmp_path / how / 'live' / 'logs').rglob('*.log'):
+            for word in ('WARN', 'ERROR', 'Warning', 'Traceback'):
+                assert word not in log.read_text(), log.read_text()
