@@ -155,7 +155,7 @@ class RigConstants(NamedTuple):
 class RigState(NamedTuple):
     """Everything the rig remembers; lists in a node, arrays in a kernel."""
 
-    drive_v: Vector  # (1,) voltage behind the slew limit
+    drive_v: Vector  # (3,) voltage behind the slew limit; samples so far beyond a rail, slewing
     amplifier: Vector  # (n,)
     play_um: Vector  # (n,)
     mechanics: Vector  # (n,)
@@ -217,7 +217,7 @@ def initial_state(constants: RigConstants, vector: Callable[[list[float]], Any] 
 
     """
     return RigState(
-        drive_v=vector([0.0]),
+        drive_v=vector([0.0, 0.0, 0.0]),
         amplifier=vector([0.0] * len(constants.amplifier.b)),
         play_um=vector([0.0] * len(constants.hysteresis.width_um)),
         mechanics=vector([0.0] * len(constants.mechanics.b)),
@@ -238,11 +238,16 @@ def measure_step(constants: RigConstants, displacement_um: float, unit_noise_val
 def rig_step(state: RigState, constants: RigConstants, voltage_v: float) -> float:
     """Hold a voltage for one sample period and return the true displacement at its end."""
     drive_v = convert_step(constants.dac, voltage_v)
+    value_v = voltage_v + constants.dac.operating_point
+    if value_v < constants.dac.minimum or value_v > constants.dac.maximum:
+        state.drive_v[1] += 1.0
     change_v = drive_v - state.drive_v[0]
     if change_v > constants.slew_step_v:
         drive_v = state.drive_v[0] + constants.slew_step_v
+        state.drive_v[2] += 1.0
     elif change_v < -constants.slew_step_v:
         drive_v = state.drive_v[0] - constants.slew_step_v
+        state.drive_v[2] += 1.0
     state.drive_v[0] = drive_v
     if constants.lumped:
         free_um = forward_step(state.play_um, constants.hysteresis, drive_v)

@@ -38,6 +38,7 @@ __all__ = [
     'hold_packed_creeping',
     'inverse_packed',
     'rig_stepper',
+    'saturated_samples',
 ]
 
 
@@ -72,10 +73,20 @@ def rig_stepper(
         packed = hold_packed_creeping_kernel if constants.creep else hold_packed_kernel
         return _bound(packed, sizes, 2, state, constants)
 
-    def hold(voltage_v: float, unit_noise: float) -> float:
-        return measure_step(constants, rig_step(state, constants, voltage_v), unit_noise)
+    return partial(_hold, state, constants)
 
-    return hold
+
+def _hold(
+    state: RigState, constants: RigConstants, voltage_v: float, unit_noise: float,
+) -> float:
+    return measure_step(constants, rig_step(state, constants, voltage_v), unit_noise)
+
+
+def saturated_samples(stepper: Any) -> tuple[int, int]:
+    """Return how many samples a rig's stepper has held beyond a rail, and how many slewing."""
+    memory = stepper.args[0]
+    drive_v = memory.drive_v if isinstance(memory, RigState) else memory[4:7]
+    return int(drive_v[1]), int(drive_v[2])
 
 
 def compensator_stepper(
@@ -147,7 +158,7 @@ def _hold_packed(
 ) -> float:
     elements, first_order, second_order = int(memory[0]), int(memory[1]), int(memory[2])
     relaxations = int(memory[3])
-    amplifier_at = 5
+    amplifier_at = 7
     play_at = amplifier_at + first_order
     mechanics_at = play_at + elements
     displacement_at = mechanics_at + second_order

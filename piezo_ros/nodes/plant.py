@@ -13,7 +13,7 @@ from piezo_ros.experiment.node_parameters import (
 )
 from piezo_ros.model.noise import NoiseSource
 from piezo_ros.model.rig import RigParameters, measure_step, rig_constants
-from piezo_ros.model.stepping import rig_stepper
+from piezo_ros.model.stepping import rig_stepper, saturated_samples
 from piezo_ros.nodes.demand import DemandWriter
 from piezo_ros.nodes.pace import Pace
 from piezo_ros.nodes.parameters import read
@@ -32,13 +32,14 @@ class Plant(Stage):
 
     inputs = ('voltage',)
     outputs = ('displacement',)
-    troubles = (*Stage.troubles, 'overruns')
+    troubles = (*Stage.troubles, 'overruns', 'rail_samples', 'slew_samples')
 
     def __init__(self, *, compiled: bool = False) -> None:
         self._voltage_v = 0.0
         self._elapsed_s = 0.0
         self._index = 0
         self._stage_of: tuple[Any, ...] = ()  # what the stage that is kept was made of
+        self._saturated_before = (0, 0)
         self._pace: Pace | None = None
         self._clock_writer: SimulatedClock | None = None
         super().__init__('plant', compiled=compiled)
@@ -64,6 +65,7 @@ class Plant(Stage):
         self._kept = self._history.keep_state and self._has_stage()
         if not self._kept:
             self._make_stage()
+        self._saturated_before = saturated_samples(self._hold)
         self._noise = NoiseSource(self._rig.seed)
         self._voltage = self.readers['voltage']
         self._displacement = self.writers['displacement']
@@ -227,11 +229,16 @@ class Plant(Stage):
             self._hold(0.0, 0.0)
 
     def counts(self) -> dict[str, int]:
-        """Return the counts of every stage, and of the pace."""
-        return {**super().counts(), 'overruns': self._pace.overruns if self._pace else 0}
+        """Return the counts of every stage, those of the pace, and of what the drive cannot do."""
+        rail, slew = saturated_samples(self._hold) if self._stage_of else (0, 0)
+        return {
+            **super().counts(), 'overruns': self._pace.overruns if self._pace else 0,
+            'rail_samples': rail - self._saturated_before[0],
+            'slew_samples': slew - self._saturated_before[1]}
 
     def status_fields(self) -> dict[str, Any]:
         """Return the voltage that the rig is driven with and how long the run took."""
+        counts = self.counts()
         return {
             'voltage_v': self._voltage_v, 'elapsed_s': self._elapsed_s,
-            'overruns': self._pace.overruns if self._pace else 0}
+            **{name: counts[name] for name in ('overruns', 'rail_samples', 'slew_samples')}}

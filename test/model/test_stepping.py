@@ -3,7 +3,7 @@ import pytest
 
 from piezo_ros.model import HysteresisParameters, Rig, RigParameters
 from piezo_ros.model.noise import unit_noise
-from piezo_ros.model.stepping import compensator_stepper, rig_stepper
+from piezo_ros.model.stepping import compensator_stepper, rig_stepper, saturated_samples
 
 PERIOD_S = 1e-5
 CREEP = {'creep_per_decade': 0.02, 'creep_start_s': 1e-3}
@@ -33,3 +33,16 @@ def test_the_inverse_behind_one_call_gives_the_same_bits_in_python_and_compiled(
         [step(value) for value in wanted_um] for step in (
             compensator_stepper(HysteresisParameters(), compiled=flag) for flag in (False, True)))
     assert plain == compiled
+
+
+@pytest.mark.parametrize('compiled', [False, True])
+def test_samples_beyond_a_rail_and_slewing_samples_are_counted(compiled):
+    parameters = RigParameters(slew_limit_v_per_s=1e5, dac_bits=0)  # 1 V a sample
+    hold = rig_stepper(parameters, PERIOD_S, compiled=compiled)
+    counts = []
+    for voltage_v in (0.5, 5.0, 5.0, 5.0, 5.1, 5.1, -7.0, -6.0, -8.0):
+        hold(voltage_v, 0.0)
+        counts.append(saturated_samples(hold))
+    # From 0.5 V to the rail at 5 V in five samples, two of them asking for more than the rail.
+    assert counts == [
+        (0, 0), (0, 1), (0, 2), (0, 3), (1, 4), (2, 4), (2, 5), (2, 6), (3, 7)]

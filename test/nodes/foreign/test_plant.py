@@ -65,6 +65,7 @@ def test_a_voltage_beyond_the_rails_drives_no_further_than_the_rail(plant, peer,
     np.testing.assert_array_equal(displacement_um, _rig(noise_rms_um=0.0).run(tame_v))
     assert max(displacement_um) > 1.0
     assert min(displacement_um) < -1.0
+    peer.wait_for_status('plant', index=601, rail_samples=600, slew_samples=0)
 
 
 @pytest.mark.parametrize('refused', [np.nan, np.inf])
