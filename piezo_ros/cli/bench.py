@@ -91,8 +91,9 @@ def _everything() -> 'tuple[list[Measurement], list[Ratio], str]':
     from piezo_ros.experiment.bag_speed import BAG_RATIOS, BAGS
     from piezo_ros.experiment.fit_speed import FIT_RATIOS, FITS
     from piezo_ros.experiment.kernel_speed import KERNEL_RATIOS, KERNELS, YARDSTICKS
-    table = [*YARDSTICKS, *KERNELS, *BAGS, *FITS]
-    ratios = [*KERNEL_RATIOS, *BAG_RATIOS, *FIT_RATIOS]
+    from piezo_ros.experiment.sweep_speed import SWEEP_RATIOS, SWEEPS
+    table = [*YARDSTICKS, *KERNELS, *BAGS, *FITS, *SWEEPS]
+    ratios = [*KERNEL_RATIOS, *BAG_RATIOS, *FIT_RATIOS, *SWEEP_RATIOS]
     try:
         from piezo_ros.nodes.live_speed import LIVE, LIVE_RATIOS
     except ImportError as error:

@@ -11,6 +11,11 @@ from piezo_ros.experiment.benchmark import Measurement, Quantity, Ratio
 from piezo_ros.experiment.errors import CampaignError
 from piezo_ros.experiment.node_parameters import check_node_parameters
 from piezo_ros.experiment.plan import STAGES, PlannedRun
+from piezo_ros.nodes.footprint import (
+    footprint,
+    service_latency_ms,
+    start_beside_peers_s,
+)
 from piezo_ros.nodes.graph_speed import graph_rate, ring_rate
 from piezo_ros.nodes.other_rings import HOPS, TRANSPORTS, missing_transport
 
@@ -18,6 +23,11 @@ __all__ = ['LIVE', 'LIVE_RATIOS']
 
 _COMPOSED_PERIODS: Final = 120.0
 _SEPARATE_PERIODS: Final = 60.0
+_BLOCK_PERIODS: Final = 30_000.0
+_BLOCK_SAMPLES: Final = 1000
+_LOOKAHEAD_BLOCKS: Final = 10  # in flight
+_SHORT_PERIODS: Final = 1.0
+_ENDLESS_PERIODS: Final = 1e6
 _OTHER_RING_ROUNDS: Final = 20_000
 _RING_PATIENCE_S: Final = 120.0
 
@@ -64,6 +74,30 @@ def _other_ring(transport: str) -> tuple[float]:
     return (float(outputs[0][0]),)
 
 
+def _graph_blocks(*, composed: bool) -> tuple[float]:
+    planned = _planned(
+        controller={'scheme': 'ff', 'lookahead_samples': _LOOKAHEAD_BLOCKS * _BLOCK_SAMPLES},
+        trajectory={'periods': _BLOCK_PERIODS, 'block_samples': _BLOCK_SAMPLES})
+    return (graph_rate(planned, composed=composed, record=False),)
+
+
+def _footprint() -> tuple[float, float, float]:
+    return footprint(_planned(trajectory={'periods': _SHORT_PERIODS}))
+
+
+def _start_beside_peers() -> tuple[float]:
+    return (start_beside_peers_s(_planned(trajectory={'periods': _SHORT_PERIODS})),)
+
+
+def _latency(*, composed: bool) -> tuple[float, float]:
+    return service_latency_ms(
+        _planned(trajectory={'periods': _ENDLESS_PERIODS}), composed=composed)
+
+
+def _lower(*names_and_units: tuple[str, str]) -> tuple[Quantity, ...]:
+    return tuple(Quantity(name, unit, higher_is_better=False) for name, unit in names_and_units)
+
+
 def _rate(group: str, name: str, measure: Callable[[], tuple[float]],
           missing: Callable[[], str] = lambda: '') -> Measurement:
     return Measurement(
@@ -80,6 +114,21 @@ LIVE: Final = (
     *(_rate('separate', f'ring_{transport}', partial(_other_ring, transport),
             partial(missing_transport, transport))
       for transport in TRANSPORTS),
+    *(Measurement(
+        'blocks',
+        (Quantity(f'graph_blocks_{label}', 'samples/s', higher_is_better=True),),
+        partial(_graph_blocks, composed=composed))
+      for label, composed in (('composed', True), ('separate', False))),
+    Measurement(
+        'footprint',
+        _lower(('start_four', 's'), ('memory_four', 'MB'), ('idle_busiest', '% of a core')),
+        _footprint),
+    Measurement('footprint', _lower(('start_beside_peers', 's')), _start_beside_peers),
+    *(Measurement(
+        'services',
+        _lower((f'latency_{label}_median', 'ms'), (f'latency_{label}_95', 'ms')),
+        partial(_latency, composed=composed))
+      for label, composed in (('composed', True), ('separate', False))),
 )
 LIVE_RATIOS: Final = (
     Ratio('composed_over_ring', 'graph_composed', 'ring_composed', higher_is_better=True),
@@ -90,4 +139,5 @@ LIVE_RATIOS: Final = (
           higher_is_better=True),
     Ratio('separate_over_cyclone_ring', 'graph_separate', 'ring_cyclone', higher_is_better=True),
     Ratio('separate_over_socket_ring', 'graph_separate', 'ring_socket', higher_is_better=True),
+    Ratio('start_four_over_python_start', 'start_four', 'python_start', higher_is_better=False),
 )

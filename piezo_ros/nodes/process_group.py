@@ -45,6 +45,10 @@ class ProcessGroup:
                 stdin=subprocess.DEVNULL, stdout=output, stderr=subprocess.STDOUT,
                 env={**os.environ, PARENT_VARIABLE: str(os.getpid())})
 
+    def pids(self) -> list[int]:
+        """Return the numbers of the processes."""
+        return [process.pid for process in self._processes.values()]
+
     def runs(self, name: str) -> bool:
         """Return whether one executable runs."""
         return self._processes[name].poll() is None

@@ -1,0 +1,49 @@
+"""Speed of a sweep on one worker and on two."""
+
+import tempfile
+from functools import partial
+from pathlib import Path
+from typing import Final
+
+from piezo_ros.experiment.benchmark import Measurement, Quantity, Ratio
+from piezo_ros.experiment.plan import read_plan
+from piezo_ros.experiment.sweep import SweepWork, open_sweep, run_sweep
+from piezo_ros.experiment.sweep_engines import local_engine
+from piezo_ros.experiment.sweep_plan import read_sweep
+
+__all__ = ['SWEEPS', 'SWEEP_RATIOS']
+
+# Long enough for the start of the workers, a second or two, to count little.
+_DRAWS: Final = 1500
+_PLAN: Final = """\
+format_version: 1
+runs: [{scheme: [ff, fbff]}]
+sweep:
+  draws: DRAWS
+  parameters:
+    plant.gain_mismatch: {normal: [0.0, 0.02]}
+    plant.natural_frequency_2_mismatch: {uniform: [-0.05, 0.05]}
+"""
+
+
+def _rate(workers: int) -> tuple[float]:
+    with tempfile.TemporaryDirectory(prefix='piezo_bench_') as directory:
+        path = Path(directory) / 'plan.yaml'
+        path.write_text(_PLAN.replace('DRAWS', str(_DRAWS)), encoding='utf-8')
+        plan = read_sweep(read_plan(path))
+        output = Path(directory) / 'out'
+        open_sweep(plan, path, output, force=False)
+        sweep = run_sweep(
+            SweepWork(plan, str(output), False), local_engine(workers), workers=workers)
+    return (plan.runs / sweep.seconds,)
+
+
+SWEEPS: Final = tuple(
+    Measurement(
+        'sweep', (Quantity(f'sweep_{name}', 'runs/s', higher_is_better=True),),
+        partial(_rate, workers))
+    for name, workers in (('one_worker', 1), ('two_workers', 2)))
+SWEEP_RATIOS: Final = (
+    Ratio('sweep_two_over_one_worker', 'sweep_two_workers', 'sweep_one_worker',
+          higher_is_better=True),
+)

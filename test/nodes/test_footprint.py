@@ -1,0 +1,30 @@
+import pytest
+
+pytest.importorskip('rclpy')
+
+from piezo_ros.experiment.errors import CampaignError
+from piezo_ros.experiment.node_parameters import check_node_parameters
+from piezo_ros.experiment.plan import STAGES, PlannedRun
+from piezo_ros.nodes.footprint import footprint, service_latency_ms, start_beside_peers_s
+
+
+def planned(periods, **plant):
+    parameters = {'trajectory': {'periods': periods}, 'plant': plant}
+    return PlannedRun('bench', {
+        stage: check_node_parameters(stage, parameters.get(stage, {})) for stage in STAGES})
+
+
+def test_start_memory_and_idling_of_four_processes_are_measured():
+    result = footprint(planned(0.1))
+    assert result.start_s > 0
+    # Four interpreters with numpy and rclpy in them.
+    assert 100 < result.memory_mb < 2000
+    assert 0 <= result.idle_percent < 100
+    assert start_beside_peers_s(planned(0.1)) > 0
+
+
+def test_the_answers_of_a_running_node_are_timed_and_a_run_that_is_too_short_is_told():
+    median, percentile_95 = service_latency_ms(planned(1e6), composed=True)
+    assert 0 < median <= percentile_95
+    with pytest.raises(CampaignError, match='ended before the calls did'):
+        service_latency_ms(planned(0.1), composed=True)
