@@ -5,6 +5,7 @@ from typing import Any, Final
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from piezo_ros.report.rendering import FAINT, INK, SERIES, house_style
 
@@ -14,7 +15,7 @@ _BAR_IN: Final = 0.22
 _GROUP_TITLES: Final = {
     'composed': 'One process', 'separate': 'A process for each stage',
     'blocks': 'Blocks without feedback', 'kernels': 'Kernels', 'bag': 'Bags', 'fits': 'Fits',
-    'footprint': 'Footprint', 'service': 'Services', 'sweep': 'Sweep'}
+    'footprint': 'Footprint', 'services': 'Services', 'sweep': 'Sweep'}
 
 
 def bench_figure(record: Mapping[str, Any]) -> Figure:
@@ -63,9 +64,19 @@ def _bars(panel: Axes, results: Mapping[str, Any], names: list[str]) -> None:
             [row['minimum'], row['maximum']], [place, place], color=INK, linewidth=1.0,
             solid_capstyle='butt')
         panel.text(
-            row['maximum'] + 0.01 * largest, place, f'{row["median"]:,.4g}', va='center',
+            row['maximum'] + 0.01 * largest, place, _short(row['median']), va='center',
             fontsize='small')
     panel.set_yticks(range(len(names)), [name.replace('_', ' ') for name in names])
     panel.invert_yaxis()
-    panel.set_xlim(0.0, 1.12 * largest)
+    panel.set_xlim(0.0, 1.15 * largest)
+    panel.xaxis.set_major_locator(MaxNLocator(6))
+    panel.xaxis.set_major_formatter(lambda value, _: _short(value))
     panel.grid(visible=False, axis='y')
+
+
+def _short(value: float) -> str:
+    """Return three digits: 6.23 M in place of 6228000."""
+    for factor, letter in ((1e9, ' G'), (1e6, ' M'), (1e3, ' k')):
+        if abs(value) >= factor:
+            return f'{value / factor:.3g}{letter}'
+    return f'{value:.3g}'

@@ -4,7 +4,7 @@ import re
 import pytest
 
 from piezo_ros.cli.main import main
-from piezo_ros.experiment import kernel_speed
+from piezo_ros.experiment import bag_speed, kernel_speed, sweep_speed
 
 SMALL = 20_000
 
@@ -75,12 +75,22 @@ def test_the_list_names_every_group(capsys):
     assert {'yardsticks', 'kernels', 'bag', 'fits'} <= set(out.splitlines())
 
 
-def test_bags_and_fits_are_measured(tmp_path, capsys, monkeypatch):
+def test_bags_and_fits_are_measured(tmp_path):
     path = tmp_path / 'bench.json'
     assert main([
-        'bench', '--rounds', '1', '--only', 'yardsticks,bag,fits', '--json', str(path)]) == 0
+        'bench', '--rounds', '1', '--only', 'yardsticks,bag_write_single,fits', '--json',
+        str(path)]) == 0
     record = json.loads(path.read_text())
     assert not record['failed']
-    assert {'bag_write_single', 'bag_read_blocks', 'fit_hysteresis', 'fit_dynamics', 'tune_pi'} <= (
+    assert {'bag_write_single', 'bag_read_single', 'fit_hysteresis', 'fit_dynamics', 'tune_pi'} <= (
         set(record['results']))
     assert 'bag_read_single_over_chain' in record['ratios']
+    written, read = bag_speed._there_and_back(20_000, 1000, 5 * 20_000)()
+    assert written > 0
+    assert read > 0
+
+
+def test_a_sweep_is_measured(monkeypatch):
+    monkeypatch.setattr(sweep_speed, '_DRAWS', 4)
+    (rate,) = sweep_speed._rate(2)
+    assert rate > 0
