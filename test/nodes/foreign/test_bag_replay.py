@@ -8,7 +8,7 @@ import pytest
 import rclpy
 from mcap.reader import make_reader
 from rclpy.context import Context
-from rclpy.qos import QoSProfile
+from rclpy.qos import HistoryPolicy, QoSProfile
 from rclpy.signals import SignalHandlerOptions
 from rosbags.rosbag2 import Reader
 from std_msgs.msg import Float64MultiArray
@@ -25,9 +25,14 @@ RATES = ('all at once', 'bursts', 'one by one')
 
 
 class Player:
-    """Publishes the messages of a bag on topics of the same names, at its own pace."""
+    """
+    Publishes the messages of a bag on topics of the same names, at its own pace.
 
-    def __init__(self, rig, bag, streams):
+    With the recorded quality of service or, as the player of rosbag2, with the recorded one but a
+    history of ten messages.
+    """
+
+    def __init__(self, rig, bag, streams, *, short_history):
         self._context = Context()
         rclpy.init(
             args=[], context=self._context, domain_id=rig.domain,
@@ -41,7 +46,9 @@ class Player:
                 if stream in streams:
                     (recorded,) = connection.ext.offered_qos_profiles
                     qos = QoSProfile(
-                        history=recorded.history.value, depth=recorded.depth,
+                        history=(
+                            HistoryPolicy.KEEP_LAST if short_history else recorded.history.value),
+                        depth=10 if short_history else recorded.depth,
                         reliability=recorded.reliability.value,
                         durability=recorded.durability.value)
                     self.publishers[connection.topic] = self._node.create_publisher(
@@ -105,7 +112,7 @@ def test_a_played_bag_gives_the_recorded_stream_again_whatever_the_rate(
             '-p', 'required_readers:=1', '-p', 'compiled:=false')
         assert peer.change_state(stage, 'configure')
         for rate, before in zip(RATES, itertools.cycle((True, False)), strict=False):
-            player = Player(rig, bag, played)
+            player = Player(rig, bag, played, short_history=rate == 'one by one')
             peer.wait(player.matched, 'the node to be discovered')
             if before:
                 player.play(rate)

@@ -1,0 +1,30 @@
+"""``~/stop`` of one node of a whole loop: every other one comes to its end in order."""
+
+import pytest
+from std_srvs.srv import Trigger
+
+STAGES = ('trajectory', 'controller', 'compensator', 'plant')
+
+
+@pytest.mark.parametrize(('stopped', 'states'), [
+    ('trajectory', ('stopped', 'finished', 'finished', 'finished')),
+    # Who only waits for the controller is told that nothing more is wanted.
+    ('controller', ('stopped', 'stopped', 'finished', 'finished')),
+    # A displacement that ends before the trajectory is a fault wherever it comes from.
+    ('plant', ('stopped', 'faulted', 'finished', 'stopped')),
+])
+def test_one_stopped_node_ends_the_whole_loop(rig, peer, stopped, states):
+    # More samples than any machine sends in the time.
+    process = rig.start_node(
+        'loop', '-p', 'periods:=1e6', '-p', 'handshake_timeout_s:=60.0', '-p', 'linger_s:=1.0')
+    peer.wait(lambda: peer.status('plant').get('index', 0) > 100, 'samples')
+    answer = peer.call(Trigger, f'{stopped}/stop', Trigger.Request())
+    assert (answer.success, answer.message) == (True, 'stopped: asked to by ~/stop')
+    for stage, state in zip(STAGES, states, strict=True):
+        status = peer.wait_for_status(stage, state=state)
+        if stage == 'trajectory' and stage != stopped:
+            assert status['reason'] == 'no more samples are demanded'
+    assert peer.wait_for_status('plant')['voltage_v'] == 0.0
+    # The run was cut short.
+    assert process.wait() == 1
+    assert 'Traceback' not in process.output
