@@ -8,7 +8,8 @@ from collections.abc import Callable, Sequence
 from types import TracebackType
 from typing import Final
 
-from piezo_ros.nodes.contract import FAULTS, SILENCE, CheckSettings, ContractRun, Finding
+from piezo_ros.nodes.contract import CONTRACTS, CheckSettings, Finding
+from piezo_ros.nodes.contract_run import FAULTS, SILENCE, ContractRun
 from piezo_ros.nodes.probe import Probe, wait_for
 
 __all__ = ['StartedNode', 'check_command', 'check_running', 'compared']
@@ -32,7 +33,7 @@ def check_running(stage: str, namespace: str, settings: CheckSettings) -> list[F
         How to check.
 
     """
-    probe = Probe(namespace)
+    probe = Probe(namespace, CONTRACTS[stage].output)
     try:
         run = ContractRun(stage, probe, settings)
         run.ordinary(disturbed=True)
@@ -130,7 +131,7 @@ class StartedNode:
             self._command, stdin=subprocess.DEVNULL, stdout=self._output,
             stderr=subprocess.STDOUT, start_new_session=True)
         try:
-            self._probe = Probe(self._namespace)
+            self._probe = Probe(self._namespace, CONTRACTS[self._stage].output)
         except BaseException:
             self._end()
             raise

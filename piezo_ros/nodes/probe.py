@@ -78,6 +78,11 @@ class OutputLog:
         self.late: list[str] = []
         self._label = f'{stream}_{STREAMS[stream]}'
 
+    @property
+    def heard(self) -> bool:
+        """Whether anything has come at all."""
+        return bool(self.samples or self.malformed) or self.ended_at is not None
+
     def note(self, message: Float64MultiArray) -> None:
         """Take one message down."""
         try:
@@ -119,10 +124,21 @@ class Probe:
     ----------
     namespace : str
         Namespace of the node, '' for none.
+    output : str
+        The stream that the node writes.
+
+    Attributes
+    ----------
+    log : OutputLog
+        What it has written.
+    statuses : list of dict
+        Every status so far.
+    demanded : int
+        The newest demand.
 
     """
 
-    def __init__(self, namespace: str) -> None:
+    def __init__(self, namespace: str, output: str) -> None:
         set_middleware_defaults()
         self._context = Context()
         rclpy.init(
@@ -130,6 +146,8 @@ class Probe:
         self.node = rclpy.create_node(
             _NAME, namespace=namespace, context=self._context, start_parameter_services=False,
             enable_rosout=False)
+        self._output = output
+        self.log = OutputLog(output)
         self.statuses: list[dict[str, Any]] = []
         self._status = self.node.create_subscription(String, 'status', _ignore, EVERY_STATUS)
         self._writers: dict[str, Any] = {}
@@ -157,7 +175,7 @@ class Probe:
     def _others(self, endpoints: Sequence[Any]) -> list[Any]:
         return [endpoint for endpoint in endpoints if endpoint.node_name != _NAME]
 
-    def open(self, inputs: Sequence[str], output: str, *, reliable: bool) -> None:
+    def open(self, inputs: Sequence[str], *, reliable: bool) -> None:
         """Create the writers of the inputs and the reader of the output."""
         for stream in inputs:
             self._writers[stream] = self.node.create_publisher(Float64MultiArray, stream, STREAM)
@@ -165,8 +183,8 @@ class Probe:
         qos = STREAM if reliable else QoSProfile(
             history=HistoryPolicy.KEEP_LAST, depth=1000,
             reliability=ReliabilityPolicy.BEST_EFFORT, durability=DurabilityPolicy.VOLATILE)
-        self._reader = self.node.create_subscription(Float64MultiArray, output, _ignore, qos)
-        self.log = OutputLog(output)
+        self._reader = self.node.create_subscription(
+            Float64MultiArray, self._output, _ignore, qos)
 
     def read_demand(self) -> None:
         """Listen to the demand, as a trajectory does."""

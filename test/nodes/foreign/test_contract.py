@@ -5,7 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from piezo_ros.nodes.contract import CONTRACTS, FAULTS, SILENCE, CheckSettings
+from piezo_ros.nodes.contract import CONTRACTS, CheckSettings
+from piezo_ros.nodes.contract_run import FAULTS, SILENCE
 from piezo_ros.nodes.contract_session import StartedNode, check_command, compared
 
 FOLDER = Path(__file__).parent
@@ -44,7 +45,9 @@ def test_what_is_wrong_in_an_ordinary_run_is_named(way, what, detail):
 
 
 @pytest.mark.parametrize(('way', 'what', 'detail'), [
-    ('NeverOpens', 'y[0] alone before any voltage', 'nothing arrived on'),
+    pytest.param(
+        'NeverOpens', 'y[0] alone before any voltage', 'nothing arrived on',
+        marks=pytest.mark.slow),
     ('NeverEnds', 'end of the stream passed on', 'no N = 0 on'),
     ('SaysNothingOfItself', 'status', 'nothing arrived on'),
 ])
@@ -59,7 +62,7 @@ def test_what_is_missing_in_an_ordinary_run_is_named(way, what, detail):
     ('JumpsOverGaps', 'a gap ends the run'),
     pytest.param('WatchesNobody', 'a second writer ends the run', marks=pytest.mark.slow),
     pytest.param('WatchesNobody', 'a lost writer ends the run', marks=pytest.mark.slow),
-    ('WatchesNobody', SILENCE),
+    pytest.param('WatchesNobody', SILENCE, marks=pytest.mark.slow),
 ])
 def test_a_run_that_should_have_ended_is_named(way, fault):
     with started(way, IMPATIENT) as node:
