@@ -33,7 +33,7 @@ __all__ = ['McapFile', 'Piece']
 _LOOSE_BYTES: Final = 1 << 20  # messages outside chunks are handed on in pieces of this size
 _CHANNEL_OFFSET: Final = 9
 # Chunks are decompressed ahead in threads, which hold no lock meanwhile.
-_THREADS: Final = min(4, os.cpu_count() or 1)
+_THREADS: Final = max(1, min(4, (os.cpu_count() or 1) - 1))
 _AHEAD_BYTES: Final = 64 << 20
 _read_head = struct.Struct('<BQ').unpack
 _read_chunk_head = struct.Struct('<QQQII').unpack_from
@@ -52,12 +52,15 @@ class Piece(NamedTuple):
         Offsets of the message records in it, in the order of the file.
     number : int
         Its place among the pieces of the file.
+    end : int
+        Offset in the file behind it.
 
     """
 
     data: bytes
     messages: NDArray[np.int64]
     number: int = 0
+    end: int = 0
 
     def by_channel(self) -> Iterator[tuple[int, NDArray[np.int64]]]:
         """Yield the number of each channel and the offsets of its messages."""
@@ -73,6 +76,7 @@ class _Raw(NamedTuple):
     position: int | None  # offset of the chunk; None outside of chunks
     body: bytes
     offsets: NDArray[np.int64] | None  # where messages are said to be
+    end: int
 
 
 class McapFile:
@@ -167,24 +171,25 @@ class McapFile:
                 if loose_bytes < _LOOSE_BYTES:
                     continue
             if loose:
-                yield _Raw(number, None, b''.join(loose), None)
+                yield _Raw(number, None, b''.join(loose), None, position)
                 number, loose, loose_bytes = number + 1, [], 0
             if opcode == Opcode.CHUNK:
                 if wanted is None or (number < len(wanted) and wanted[number]):
                     body = file.read(length)
-                    yield _Raw(number, position, body, self._message_index(file, size))
+                    index = self._message_index(file, size)
+                    yield _Raw(number, position, body, index, file.tell())
                 else:
                     file.seek(length, io.SEEK_CUR)
                 number += 1
             elif opcode != Opcode.MESSAGE:
                 self._keep(position, opcode, file.read(length))
         if loose:
-            yield _Raw(number, None, b''.join(loose), None)
+            yield _Raw(number, None, b''.join(loose), None, file.tell())
 
     def _prepared(self, threads: ThreadPoolExecutor, raw: _Raw) -> Callable[[], Piece | None]:
         """Begin to decompress a piece and return how to get it."""
         if raw.position is None:
-            return lambda: Piece(raw.body, scan(raw.body).messages, raw.number)
+            return lambda: Piece(raw.body, scan(raw.body).messages, raw.number, raw.end)
         position = raw.position
         inside = threads.submit(self._uncompressed, position, raw.body)
         return lambda: self._chunk(position, inside.result(), raw)
@@ -248,7 +253,7 @@ class McapFile:
         self._keep_all(position, data, records)
         if records.end < len(data) or not whole:
             self._lose(position, 'the end of a chunk')
-        return Piece(data, records.messages, raw.number)
+        return Piece(data, records.messages, raw.number, raw.end)
 
     def _uncompressed(self, position: int, body: bytes) -> tuple[bytes, bool] | None:
         """Return the inside of a chunk and whether it is all of it; None if nothing is whole."""

@@ -68,7 +68,8 @@ class Contents(Generic[_Sink]):
     path : Path
         The bag.
     sink : callable
-        Makes the sink of a stream when its first message comes.
+        Makes the sink of a stream when its first message comes; is given a function that says
+        what share of the bag has been read.
     wanted : collection of str, optional
         The streams to look at; all by default.
     keep_not_finite : bool, optional
@@ -89,7 +90,7 @@ class Contents(Generic[_Sink]):
     """
 
     def __init__(
-        self, path: Path, sink: Callable[[], _Sink], *,
+        self, path: Path, sink: Callable[[Callable[[], float]], _Sink], *,
         wanted: Collection[str] = tuple(STREAMS), keep_not_finite: bool = False,
     ) -> None:
         self._path = path
@@ -103,8 +104,14 @@ class Contents(Generic[_Sink]):
         self._streams: dict[str, dict[str, tuple[StreamAssembler, _Sink]]] = {}
         self.spans: dict[Path, list[Span]] = {}
         self.files: dict[Path, McapFile] = {}
-        for file in mcap_files(path):
+        files = mcap_files(path)
+        self._total_bytes = max(1, sum(file.stat().st_size for file in files))
+        self._read_bytes = 0
+        self._piece_bytes = 0
+        for file in files:
             self._add(file)
+            self._read_bytes += file.stat().st_size
+            self._piece_bytes = 0
 
     def _add(self, path: Path) -> None:
         file = McapFile(path)
@@ -112,6 +119,7 @@ class Contents(Generic[_Sink]):
         spans = self.spans[path] = []
         for piece in file.pieces():
             spans += [{} for _ in range(len(spans), piece.number)]
+            self._piece_bytes = piece.end
             spans.append(self._take(file, piece))
         self._topics.update(channel.topic for channel in file.channels.values())
         self._metadata += file.metadata
@@ -127,7 +135,7 @@ class Contents(Generic[_Sink]):
             namespace, stream = place
             streams = self._streams.setdefault(namespace, {})
             if stream not in streams:
-                sink = self._sink()
+                sink = self._sink(self._share)
                 streams[stream] = StreamAssembler(
                     stream, sink, keep_not_finite=self._keep_not_finite), sink
             assembler, _ = streams[stream]
@@ -137,6 +145,9 @@ class Contents(Generic[_Sink]):
                 first = assembler.start_index
                 span[place] = first + before, first + assembler.count
         return span
+
+    def _share(self) -> float:
+        return min(1.0, max(self._read_bytes + self._piece_bytes, 1) / self._total_bytes)
 
     def facts(self, namespace: str | None, *, allow_loss: bool) -> Facts[_Sink]:
         """

@@ -46,7 +46,8 @@ def read(
 
     """
     path = Path(path)
-    facts = Contents(path, Collected, keep_not_finite=keep_not_finite).facts(
+    facts = Contents(
+        path, lambda share: Collected(share=share), keep_not_finite=keep_not_finite).facts(
         namespace, allow_loss=allow_loss)
     return run_of(path, facts, {
         stream: Stream(

@@ -225,7 +225,7 @@ def open_recording(
 
     """
     path = Path(path)
-    contents = Contents(path, Extremes, keep_not_finite=keep_not_finite)
+    contents = Contents(path, lambda share: Extremes(), keep_not_finite=keep_not_finite)
     return Recording(
         path, contents.facts(namespace, allow_loss=allow_loss), contents.spans, contents.files,
         keep_not_finite)

@@ -53,13 +53,18 @@ class Collected:
     ----------
     kept : range, optional
         Indices of the samples to keep; all by default.
+    share : callable, optional
+        Says what share of all samples has been handed on with those that come now.
 
     """
 
-    def __init__(self, kept: range | None = None) -> None:
+    def __init__(
+        self, kept: range | None = None, share: Callable[[], float] = lambda: 1.0,
+    ) -> None:
         self._kept = kept
-        # Grows in place where it is large: nothing is copied twice, no page touched in vain.
-        self._bytes = bytearray()
+        self._share = share
+        self._values: _Floats = np.empty(0)
+        self._count = 0
 
     def __call__(self, index: int, samples: _Floats) -> None:
         """Keep what is wanted of some samples."""
@@ -68,12 +73,23 @@ class Collected:
             first = max(kept.start, index)
             first += (kept.start - first) % kept.step
             samples = samples[first - index:max(kept.stop - index, 0):kept.step]
-        if samples.size:
-            self._bytes += np.ascontiguousarray(samples).data.cast('B')
+        needed = self._count + samples.size
+        if needed > self._values.size:
+            self._grow(needed)
+        self._values[self._count:needed] = samples
+        self._count = needed
+
+    def _grow(self, needed: int) -> None:
+        # Once for all, as a rule: what is never written takes no memory, and to copy what is there
+        # costs as much as reading it.
+        wanted = len(self._kept) if self._kept is not None else int(1.05 * needed / self._share())
+        grown = np.empty(max(needed, wanted, self._values.size * 3 // 2))
+        grown[:self._count] = self._values[:self._count]
+        self._values = grown
 
     def samples(self) -> _Floats:
         """Return what was kept."""
-        return np.frombuffer(self._bytes, dtype=np.float64)
+        return self._values[:self._count]
 
 
 class Extremes:

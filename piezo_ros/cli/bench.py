@@ -36,6 +36,9 @@ def add_command(commands: Any) -> None:
         '--list', action='store_true', help='list groups and quantities, measure nothing')
     parser.add_argument('--json', type=Path, metavar='FILE', help='write all values here')
     parser.add_argument(
+        '--append', action='store_true',
+        help='more rounds for the file of --json, where it is there already')
+    parser.add_argument(
         '--compare', type=Path, metavar='FILE',
         help='name every ratio that is worse by more than 15 %% than in this earlier --json; '
         'exit 1 if there is one')
@@ -52,6 +55,7 @@ def _bench(options: argparse.Namespace) -> int:
         benchmark_record,
         changes,
         chosen,
+        joined,
         read_record,
         record_table,
         take_rounds,
@@ -70,6 +74,11 @@ def _bench(options: argparse.Namespace) -> int:
             return 0
         measurements = chosen(table, names)
         earlier = read_record(options.compare) if options.compare else None
+        rounds_before = None
+        if options.append:
+            if options.json is None:
+                raise BenchmarkError('--append needs --json')
+            rounds_before = read_record(options.json) if options.json.exists() else None
     except BenchmarkError as error:
         print(f'piezo: {error}', file=sys.stderr)
         return 2
@@ -78,7 +87,15 @@ def _bench(options: argparse.Namespace) -> int:
     progress = Progress()
     readings = take_rounds(measurements, options.rounds, progress.announce)
     progress.end()
-    record = benchmark_record(measurements, ratios, readings, options.rounds)
+    rounds = options.rounds
+    if rounds_before:
+        try:
+            readings = joined(rounds_before, measurements, readings)
+        except BenchmarkError as error:
+            print(f'piezo: {error}', file=sys.stderr)
+            return 1
+        rounds += rounds_before['rounds']
+    record = benchmark_record(measurements, ratios, readings, rounds)
     if options.json:
         options.json.write_text(json.dumps(record, indent=2) + '\n', encoding='utf-8')
     print(record_table(record))

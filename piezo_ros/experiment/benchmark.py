@@ -29,6 +29,7 @@ __all__ = [
     'benchmark_record',
     'changes',
     'chosen',
+    'joined',
     'read_record',
     'record_table',
     'take_rounds',
@@ -257,9 +258,7 @@ def benchmark_record(
     return {
         'format_version': FORMAT_VERSION,
         'date': datetime.datetime.now(datetime.timezone.utc).isoformat(timespec='seconds'),
-        'machine': {
-            'processor': _processor(), 'cores': os.cpu_count(), 'memory_gb': _memory_gb(),
-            'system': platform.platform(), 'python': platform.python_version()},
+        'machine': _machine(),
         'software': software_versions(),
         'rounds': rounds,
         'results': results,
@@ -274,6 +273,40 @@ def benchmark_record(
         'skipped': readings.skipped,
         'failed': readings.failed,
     }
+
+
+def joined(
+    earlier: Mapping[str, Any], measurements: Iterable[Measurement], readings: Readings,
+) -> Readings:
+    """
+    Return the readings of an earlier benchmark and of more rounds of the same measurements.
+
+    Parameters
+    ----------
+    earlier : mapping
+        As `read_record` returns it.
+    measurements : iterable of Measurement
+        What was measured now.
+    readings : Readings
+        What came of it.
+
+    Raises
+    ------
+    BenchmarkError
+        If it is another machine, or something else was measured.
+
+    """
+    if earlier['machine'] != _machine():
+        raise BenchmarkError(
+            f'the earlier rounds are of another machine: {earlier["machine"]}, not {_machine()}')
+    before = {name: row['values'] for name, row in earlier['results'].items()}
+    if before.keys() != readings.values.keys():
+        different = ', '.join(sorted(before.keys() ^ readings.values.keys()))
+        raise BenchmarkError(f'the earlier rounds are of other measurements: {different}')
+    return readings._replace(values={
+        quantity.name: before[quantity.name] + readings.values[quantity.name]
+        for entry in measurements for quantity in entry.quantities
+        if quantity.name in before})
 
 
 def read_record(path: Path) -> dict[str, Any]:
@@ -351,6 +384,12 @@ def _summary(values: list[float]) -> dict[str, Any]:
     return {
         'median': statistics.median(values), 'minimum': min(values), 'maximum': max(values),
         'values': values}
+
+
+def _machine() -> dict[str, Any]:
+    return {
+        'processor': _processor(), 'cores': os.cpu_count(), 'memory_gb': _memory_gb(),
+        'system': platform.platform(), 'python': platform.python_version()}
 
 
 def _processor() -> str:

@@ -36,6 +36,13 @@ def test_the_kernels_are_measured_written_and_compared(tmp_path, capsys):
         assert 0 < row['minimum'] <= row['median'] <= row['maximum']
     assert 'ns/sample' in capsys.readouterr().out
 
+    assert bench(*only, '--append') == 0
+    record = json.loads(path.read_text())
+    assert record['rounds'] == 4
+    assert len(record['results']['inverse']['values']) == 4
+    assert bench('--only', 'chain', '--json', str(path), '--append') == 1
+    assert 'of other measurements' in capsys.readouterr().err
+
     # Ten times slower than an earlier run is told, ten times quicker is not.
     for factor, code in ((0.1, 1), (10.0, 0)):
         earlier = json.loads(path.read_text())
@@ -63,6 +70,7 @@ def test_the_picture_is_drawn_from_the_file(tmp_path, capsys):
     (['--compare', 'none.json'], 'cannot read none.json'),
     (['--draw', 'none.json'], '--draw and -o belong together'),
     (['--rounds', '0'], '--rounds is 0'),
+    (['--append'], '--append needs --json'),
 ])
 def test_what_cannot_be_done_is_refused(arguments, message, capsys):
     assert bench(*arguments) == 2

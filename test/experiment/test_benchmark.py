@@ -12,6 +12,7 @@ from piezo_ros.experiment.benchmark import (
     benchmark_record,
     changes,
     chosen,
+    joined,
     read_record,
     record_table,
     take_rounds,
@@ -107,6 +108,26 @@ def test_only_what_both_have_is_compared():
     before = record_of([10.0], [5.0])
     del before['ratios']['fast_over_slow']
     assert changes(record_of([1.0], [5.0]), before) == []
+
+
+def test_more_rounds_are_joined_to_earlier_ones():
+    earlier = record_of([10.0, 12.0], [5.0, 5.0])
+    table = [measurement('fast', [20.0]), measurement('slow', [5.0])]
+    readings = joined(earlier, table, take_rounds(table, 1))
+    record = benchmark_record(table, [Ratio('fast_over_slow', 'fast', 'slow', True)], readings, 3)
+    assert record['results']['fast']['values'] == [10.0, 12.0, 20.0]
+    assert record['ratios']['fast_over_slow']['values'] == [2.0, 2.4, 4.0]
+
+
+def test_rounds_of_something_else_are_not_joined():
+    earlier = record_of([10.0], [5.0])
+    table = [measurement('fast', [20.0])]
+    readings = take_rounds(table, 1)
+    with pytest.raises(BenchmarkError, match='of other measurements: slow'):
+        joined(earlier, table, readings)
+    earlier['machine']['cores'] = 10**6
+    with pytest.raises(BenchmarkError, match='of another machine'):
+        joined(earlier, table, readings)
 
 
 def test_a_record_survives_its_file(tmp_path):
