@@ -171,6 +171,25 @@ def test_the_stated_95_percent_bands_cover_the_truth():
     assert 0.90 <= np.mean(inside) <= 0.99
 
 
+# 21 parameters in each of 50 runs with another noise.
+@pytest.mark.slow
+def test_95_percent_bands_hold_the_elements_of_the_lumped_rig_in_90_to_99_percent_of_cases():
+    voltage = decreasing()
+    kappa, saturation = in_order_of_saturation(HysteresisParameters())
+    inside = []
+    for seed in range(50):
+        rig = RigParameters(order='lumped', seed=seed)
+        fit = fit_hysteresis(voltage, Rig(rig, SAMPLE_PERIOD_S).run(voltage))
+        for values, errors, truth in (
+            (fit.parameters.kappa_um_per_v, fit.kappa_standard_error_um_per_v,
+             rig.dc_gain * kappa),
+            (fit.parameters.saturation_v, fit.saturation_standard_error_v, saturation),
+        ):
+            inside.extend(np.abs(np.array(values) - truth) <= 1.96 * errors)
+    assert len(inside) == 1050
+    assert 0.90 <= np.mean(inside) <= 0.99
+
+
 def test_correlated_noise_widens_the_standard_errors():
     voltage = short()
     displacement = SMALL.forward(voltage)[0]
