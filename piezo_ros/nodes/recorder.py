@@ -39,6 +39,9 @@ class Recorder(Stage):
         """Decide where to record; a directory that exists is refused now, not later."""
         self._recording = read(self, RecorderParameters)
         self.inputs = self._recording.stream_names
+        self._choose_directory()
+
+    def _choose_directory(self) -> None:
         name = self._recording.bag_directory or time.strftime('piezo_%Y_%m_%d-%H_%M_%S')
         self._directory = Path(name).absolute()
         if self._directory.exists():
@@ -46,6 +49,7 @@ class Recorder(Stage):
 
     def start(self) -> None:
         """Ask the other nodes for their parameters; the bag begins with them."""
+        self._choose_directory()  # every run has a bag of its own
         self._started_s = time.monotonic()
         self._next_flush_s = self._started_s + self._recording.flush_period_s
         self._pending: list[tuple[str, bytes]] = []

@@ -31,6 +31,7 @@ __all__ = ['ServiceRefusedError', 'Stage']
 
 _CHECK_PEERS_S = 0.25
 _REPORT_S = 1.0
+_TELL_WAITING_S = 3.0
 
 
 class ServiceRefusedError(Exception):
@@ -200,6 +201,7 @@ class Stage(LifecycleNode):
                 return
             self.running = True
             self._report('active')
+            self.get_logger().info(f'run {self.run_number} begins')
 
         self.between_samples(begin)
         if problem:
@@ -404,6 +406,12 @@ class Stage(LifecycleNode):
             self.get_logger().error(f'run ended: {reason}')
             self._close('faulted', reason)
 
+    def _tell_end(self) -> None:
+        if not self.failed:
+            why = f' ({self.reason})' if self.reason else ''
+            self.get_logger().info(
+                f'run {self.run_number} {self.result}{why}: {self.counts()["samples"]} samples')
+
     def stop(self, reason: str) -> None:
         """End the run because somebody wants it to end."""
         self.stop_requested = True
@@ -423,6 +431,7 @@ class Stage(LifecycleNode):
         except Exception:  # The report of how it ended must go out all the same.
             self.failed = True
             self.get_logger().error(traceback.format_exc())
+        self._tell_end()
         self._report(state)
 
     def await_acknowledgements(self, deadline: float, supervisor_deadline: float) -> None:
@@ -486,6 +495,7 @@ class Stage(LifecycleNode):
         """Return '' once every stream has its peers, else what is missing."""
         deadline = time.monotonic() + self.settings.handshake_timeout_s
         required = self.required_inputs()
+        tell_at = time.monotonic() + _TELL_WAITING_S
         while True:
             problem = ''
             for stream, reader in self.readers.items():
@@ -505,6 +515,9 @@ class Stage(LifecycleNode):
                 return ''
             if self.stop_requested:
                 return 'stopped while waiting for the peers'
+            if time.monotonic() > tell_at:
+                tell_at += _TELL_WAITING_S
+                self.get_logger().info(f'waiting: {problem}')
             if time.monotonic() > deadline:
                 return f'{problem} after {self.settings.handshake_timeout_s:g} s'
             time.sleep(0.005)

@@ -7,9 +7,13 @@ import pytest
 import yaml
 from rcl_interfaces.srv import GetParameters, ListParameters
 from rclpy.parameter import parameter_value_to_python
+from rclpy.qos import qos_profile_sensor_data
+from std_msgs.msg import Float64
 
+from piezo_ros.bag import STREAMS
+from piezo_ros.control import ControllerParameters, TrajectoryParameters, simulate
 from piezo_ros.experiment.node_parameters import NODE_PARAMETERS
-from piezo_ros.model import HysteresisParameters, MaxwellResistiveCapacitor
+from piezo_ros.model import HysteresisParameters, MaxwellResistiveCapacitor, RigParameters
 
 COMMAND_UM = 2.0 * np.sin(0.05 * np.arange(200.0))
 # State -> transition -> the state that it leads to; every other transition is refused.
@@ -42,6 +46,52 @@ def test_each_state_takes_its_transitions_and_refuses_the_others(rig, peer):
     assert peer.change_state('compensator', 'unconfigured_shutdown')
     assert process.wait() == 0
     assert 'Traceback' not in process.output
+
+
+def test_a_loop_activated_again_gives_the_same_run_and_shows_it(rig, peer):
+    trajectory = TrajectoryParameters(periods=2.0)
+    monitored = {stream: [] for stream in STREAMS}
+    for stream, values in monitored.items():
+        peer.node.create_subscription(
+            Float64, f'monitor/{stream}', lambda message, to=values: to.append(message.data),
+            qos_profile_sensor_data)
+    peer.read('displacement')
+    # The controller and this reader; everything else has one.
+    process = rig.node(
+        'loop', autostart='false', handshake_timeout_s=60.0, periods=2.0, monitor_rate_hz=100.0)
+    stages = ('compensator', 'controller', 'plant', 'trajectory')
+    for stage in stages:
+        assert peer.change_state(stage, 'configure')
+    peer.wait(
+        lambda: peer.node.count_publishers(f'{rig.namespace}/displacement') == 1, 'the plant')
+    expected = simulate(
+        RigParameters(), HysteresisParameters(), ControllerParameters(), trajectory)
+    for run in (1, 2):
+        for stage in stages:
+            assert peer.change_state(stage, 'activate')
+        for stage in stages:
+            status = peer.wait_for_status(stage, state='finished', run=run, result='finished')
+            if stage == 'trajectory':
+                assert (status['total'], status['progress']) == (trajectory.samples, 1.0)
+        displacement_um = peer.wait_for_samples('displacement', trajectory.samples + 1)
+        np.testing.assert_array_equal(displacement_um, expected.displacement_um)
+        # The newest sample is shown also where the run is over before anyone looks twice.
+        for stream, samples in zip(STREAMS, expected, strict=True):
+            peer.wait(
+                lambda values=monitored[stream], last=samples[-1]: values and values[-1] == last,
+                f'the last sample of monitor/{stream}')
+            monitored[stream].clear()
+        for stage in stages:
+            assert peer.change_state(stage, 'deactivate')
+        peer.wait(
+            lambda: len(peer.received['displacement'][-1].data) == 2, 'the end of the stream')
+        peer.received['displacement'].clear()
+    for stage in stages:
+        assert peer.change_state(stage, 'inactive_shutdown')
+    assert process.wait() == 0
+    for word in ('WARN', 'ERROR', 'Traceback'):
+        assert word not in process.output
+    assert f'run 2 finished: {trajectory.samples + 1} samples' in process.output
 
 
 MISSING = {
