@@ -1,6 +1,7 @@
 """What a stage shows of itself beside its streams: monitor topics and diagnostics."""
 
 import time
+import traceback
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
@@ -34,8 +35,14 @@ class SteadyTimer:
     """
 
     def __init__(self, stage: 'Stage', callback: Callable[[], None]) -> None:
+        def call() -> None:
+            try:
+                callback()
+            except Exception:  # The executor would end for it, and every service with it.
+                stage.get_logger().error(traceback.format_exc(), throttle_duration_sec=10.0)
+
         self._timer = stage.create_timer(
-            1.0, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))
+            1.0, call, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._timer.cancel()
 
     def run_at(self, rate_hz: float) -> None:

@@ -90,9 +90,11 @@ class Plant(Stage):
             self._rig, self.settings.sample_period_s, self.settings.compiled)
 
     def _make_stage(self) -> None:
-        self._stage_of = (self._rig, self.settings.sample_period_s, self.settings.compiled)
         self._hold = rig_stepper(
             self._rig, self.settings.sample_period_s, compiled=self.settings.compiled)
+        self._saturated_before = (0, 0)
+        # Last: diagnostics may ask meanwhile.
+        self._stage_of = (self._rig, self.settings.sample_period_s, self.settings.compiled)
 
     def begin_at(self, index: int) -> None:
         """Open with the reading before the first voltage, whose index is known only now."""
@@ -233,8 +235,8 @@ class Plant(Stage):
         rail, slew = saturated_samples(self._hold) if self._stage_of else (0, 0)
         return {
             **super().counts(), 'overruns': self._pace.overruns if self._pace else 0,
-            'rail_samples': rail - self._saturated_before[0],
-            'slew_samples': slew - self._saturated_before[1]}
+            'rail_samples': max(0, rail - self._saturated_before[0]),
+            'slew_samples': max(0, slew - self._saturated_before[1])}
 
     def status_fields(self) -> dict[str, Any]:
         """Return the voltage that the rig is driven with and how long the run took."""
