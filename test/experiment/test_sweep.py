@@ -285,14 +285,16 @@ class TestDask:
                 dashboard_address=None) as cluster:
             yield cluster
 
-    def test_a_cluster_gives_the_same_results_as_one_process(self, cluster, prepare, tmp_path):
+    def test_a_cluster_of_its_own_gives_the_same_results_as_one_process(self, prepare, tmp_path):
+        pytest.importorskip('distributed')
         work = prepare(draws=10)
         alone = run_sweep(
             dataclasses.replace(work, directory=str(tmp_path / 'alone')), in_process, workers=1)
-        shared = run_sweep(work, dask_engine(2, cluster.scheduler_address), workers=2)
+        shared = run_sweep(work, dask_engine(2), workers=2)
         assert without_times(shared.results) == without_times(alone.results)
 
-    def test_a_killed_worker_costs_only_what_it_was_doing(self, cluster, prepare):
+    def test_a_killed_worker_of_a_given_cluster_costs_only_what_it_was_doing(
+            self, cluster, prepare):
         work = prepare(draws=6, periods=6000)
         check_what_a_killed_worker_costs(
             work, dask_engine(2, cluster.scheduler_address),
