@@ -14,7 +14,7 @@ from piezo_ros.experiment.sweep_plan import read_sweep
 __all__ = ['SWEEPS', 'SWEEP_RATIOS']
 
 # Long enough for the start of the workers, a second or two, to count little.
-_DRAWS: Final = 1500
+_DRAWS: Final = 1000
 _PLAN: Final = """\
 format_version: 1
 runs: [{scheme: [ff, fbff]}]
