@@ -46,6 +46,8 @@ def test_a_parameter_file_that_is_not_there_is_named(rig):
 
 
 def _value(value):
+    if isinstance(value, bool):
+        return ParameterValue(type=ParameterType.PARAMETER_BOOL, bool_value=value)
     if isinstance(value, str):
         return ParameterValue(type=ParameterType.PARAMETER_STRING, string_value=value)
     return ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=value)
@@ -58,9 +60,13 @@ def _parameters(**values):
 def test_parameters_are_described_and_invalid_changes_refused_with_the_reason(rig, peer):
     rig.node('controller', autostart='false')
     names = ['scheme', 'integral_gain_per_s', 'measurement_delay_samples']
-    scheme, gain, delay = peer.call(
+    scheme, gain, delay, autostart = peer.call(
         DescribeParameters, 'controller/describe_parameters',
-        DescribeParameters.Request(names=names)).descriptors
+        DescribeParameters.Request(names=[*names, 'autostart'])).descriptors
+    assert 'takes effect at once, also during a run' in gain.additional_constraints
+    assert 'takes effect at the next activation' in delay.additional_constraints
+    assert [each.read_only for each in (scheme, gain, delay, autostart)] == [
+        False, False, False, True]
     assert scheme.additional_constraints.startswith('one of fb, ff, fbff, open_loop, auto')
     assert gain.description == 'kI [1/s]'
     assert (gain.floating_point_range[0].from_value, gain.floating_point_range[0].to_value) == (
@@ -92,6 +98,9 @@ def test_parameters_are_described_and_invalid_changes_refused_with_the_reason(ri
         'fbff', 2630.0, 1]
     (result,) = change(scheme='fb')
     assert result.successful
+    (result,) = change(autostart=True)
+    assert not result.successful
+    assert 'read-only' in result.reason
 
 
 def test_every_activation_is_a_run_of_its_own_with_the_same_samples(rig, peer, block):
