@@ -136,6 +136,8 @@ def run_campaign(
             notes.append(f'The campaign ended at run {number}, {planned.name}: {error}')
             break
         notes += [f'{planned.name}: {note}' for note in result.notes]
+        if planned.changes:
+            notes.append(f'{planned.name} changes during the run: {describe(planned)}')
         if planned.prediction:
             predictions[str(bag.relative_to(directory))] = planned.prediction.record()
             notes.append(
@@ -169,7 +171,11 @@ def describe(planned: PlannedRun) -> str:
         return (
             f'bare actuator: {trajectory.waveform} {trajectory.amplitude_v:g} V, '
             f'{trajectory.frequency_hz:g} Hz, {trajectory.samples} samples')
+    # What follows during the run counts as much as what it begins with.
+    schemes = [planned.controller.scheme, *(
+        f'{change.values.get("scheme", "other gains")} from sample {change.at_sample} on'
+        for change in planned.changes)]
     return (
-        f'{planned.controller.scheme}: {trajectory.waveform} {trajectory.amplitude_um:g} um, '
+        f'{", ".join(schemes)}: {trajectory.waveform} {trajectory.amplitude_um:g} um, '
         f'{trajectory.frequency_hz:g} Hz, m = {trajectory.harmonics}, '
         f'{trajectory.samples} samples')

@@ -58,6 +58,18 @@ def test_a_campaign_offline_ends_in_a_report_of_every_run(plan, output):
     assert (output / 'plan.yaml').read_bytes() == plan.path.read_bytes()
 
 
+def test_changes_during_a_run_are_told(write_plan, output):
+    plan = read_plan(write_plan(runs=[{'scheme': 'ff', 'periods': 6, 'changes': [
+        {'at_sample': 500, 'scheme': 'fbff'}, {'at_sample': 900, 'proportional_gain': 0.3}]}]))
+    announced = []
+    campaign = run_campaign(plan, output, simulate_run, announced.append)
+    told = (
+        'ff, fbff from sample 500 on, other gains from sample 900 on: triangle 1 um, 300 Hz, '
+        'm = 9, 2000 samples')
+    assert announced == [f'[1/1] {told}']
+    assert f'changes during the run: {told}' in campaign.report.read_text(encoding='utf-8')
+
+
 def test_the_bag_holds_the_samples_of_the_simulation_for_a_foreign_reader_too(plan, output):
     from rosbags.highlevel import AnyReader
     from rosbags.typesys import Stores, get_typestore
