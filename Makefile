@@ -17,7 +17,7 @@ TEST_READY := $(VENV)/.stamp-test
 METADATA := setup.py setup.cfg .ci/setup-venv
 
 .DEFAULT_GOAL := help
-.PHONY: help demo paper test test-slow lint docs clean
+.PHONY: help demo paper bench test test-slow lint docs clean
 
 help:  ## this list
 	@sed -nE 's/^([a-z-]+):.*## (.*)/make \1|\2/p' Makefile | awk -F'|' '{printf "  %-16s%s\n", $$1, $$2}'
@@ -27,6 +27,11 @@ demo: $(DEMO_READY)  ## set up .venv, drive the simulated rig through ROS, repor
 
 paper: $(DEMO_READY)  ## every table and figure of the paper from live runs, into out/paper
 	$(BIN)/piezo run config/experiments/paper.yaml -o out/paper --force
+
+bench: $(DEMO_READY)  ## measure this machine into docs/bench, several minutes; it should do nothing else
+	mkdir -p docs/bench
+	$(BIN)/piezo bench --json docs/bench/reference.json
+	$(BIN)/piezo bench --draw docs/bench/reference.json -o docs/bench/reference.svg
 
 test: $(TEST_READY)  ## style, types, tiers (test_lint.py) and all other tests but the slow ones
 	$(PYTEST) $(PYTEST_ARGS)

@@ -1,6 +1,7 @@
 """Speed of a sweep on one worker and on two."""
 
 import tempfile
+import time
 from functools import partial
 from pathlib import Path
 from typing import Final
@@ -13,7 +14,6 @@ from piezo_ros.experiment.sweep_plan import read_sweep
 
 __all__ = ['SWEEPS', 'SWEEP_RATIOS']
 
-# Long enough for the start of the workers, a second or two, to count little.
 _DRAWS: Final = 1000
 _PLAN: Final = """\
 format_version: 1
@@ -27,15 +27,20 @@ sweep:
 
 
 def _rate(workers: int) -> tuple[float]:
+    """Return the runs per second once every worker is up: starting one takes a second or two."""
+    progress: list[tuple[float, int]] = []
     with tempfile.TemporaryDirectory(prefix='piezo_bench_') as directory:
         path = Path(directory) / 'plan.yaml'
         path.write_text(_PLAN.replace('DRAWS', str(_DRAWS)), encoding='utf-8')
         plan = read_sweep(read_plan(path))
         output = Path(directory) / 'out'
         open_sweep(plan, path, output, force=False)
-        sweep = run_sweep(
-            SweepWork(plan, str(output), False), local_engine(workers), workers=workers)
-    return (plan.runs / sweep.seconds,)
+        run_sweep(
+            SweepWork(plan, str(output), False), local_engine(workers), workers=workers,
+            progress=lambda done, _: progress.append((time.perf_counter(), done)))
+    # The first entry is of the start, then each worker has one for its first task.
+    (first, done), *_, (last, all_done) = progress[workers:]
+    return ((all_done - done) / (last - first),)
 
 
 SWEEPS: Final = tuple(
