@@ -333,7 +333,14 @@ def _changes(where: str, entries: Any) -> str:
 
 
 def _check_changes(where: str, run: PlannedRun) -> None:
-    """Refuse changes that cannot be made, or come after the end of the run."""
+    """Refuse changes that cannot be made or come after the end, and what no plan can ask for."""
+    at_sample = run.parameters['controller']['apply_at_sample']
+    if at_sample >= 0:
+        raise PlanError(
+            f'{where}: controller: apply_at_sample is {at_sample}; it goes with a call during a '
+            'run, a plan lists changes')
+    if run.parameters['plant']['keep_state']:
+        raise PlanError(f'{where}: plant: keep_state is true, every run of a plan has a new stage')
     samples = run.trajectory.samples
     for change in run.changes:
         if run.bare:

@@ -133,6 +133,8 @@ def test_title_and_scored_periods_have_defaults(write_plan):
     ({'parameter_files': ['.']}, ['Is a directory']),
     ({'runs': [{'plant': {'gain_mismatch': 11}}]}, ['gain_mismatch is 11.0, allowed is -0.9 … 10']),
     ({'runs': [{'periods': 1e9, 'frequency_hz': 1e-3}]}, ['indices end at']),
+    ({'runs': [{'controller': {'apply_at_sample': 7}}]}, ['apply_at_sample is 7', 'lists changes']),
+    ({'runs': [{'plant': {'keep_state': True}}]}, ['keep_state is true, every run of a plan']),
     ({'runs': [{'changes': {'at_sample': 3}}]}, ['run 1: changes is', 'must be a list of map']),
     ({'runs': [{'changes': [{'scheme': 'ff'}]}]}, ['run 1: controller: changes: at_sample is No']),
     ({'runs': [{'changes': [{'at_sample': 1, 'seed': 2}]}]}, ['seed cannot change during a run']),
