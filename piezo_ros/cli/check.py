@@ -24,6 +24,7 @@ A plant is driven with a sine of --amplitude around its operating point, for som
 Blocks that must be refused are sent in between, NaN among them: a driver that takes them drives
 its hardware with them.
 """
+_LOOK_AROUND_S: Final = 3.5  # discovery may tell of one node seconds before another
 _WORDS: Final = {True: 'ok', False: 'WRONG', None: 'unknown'}
 
 
@@ -80,7 +81,8 @@ def _check_node(options: argparse.Namespace) -> int:
     if period_s is None and options.what != 'plant':
         period_s = 1e-5
     settings = CheckSettings(
-        options.amplitude, period_s, options.discovery_s, options.patience_s, options.watchdog_s)
+        options.amplitude, period_s, options.discovery_s, options.patience_s, options.watchdog_s,
+        0.0 if options.start else _LOOK_AROUND_S)
     if options.start:
         try:
             findings = check_command(

@@ -37,6 +37,7 @@ class CheckSettings(NamedTuple):
     discovery_s: float  # how long the node may take to appear and to open
     patience_s: float  # how long it may take for an answer
     watchdog_s: float  # how long a plant may go on without voltage
+    look_around_s: float = 0.0  # how long to look for others before taking a place among them
 
 
 class Finding(NamedTuple):

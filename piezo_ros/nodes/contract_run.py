@@ -171,6 +171,8 @@ class ContractRun:
             lambda: bool(self._alive()) or (bool(probe.writers(contract.output)) and all(
                 map(probe.readers, contract.inputs))),
             self._settings.discovery_s)
+        # A second writer would end a run that is going on.
+        self._settle(self._settings.look_around_s)
         problem = self._alive() or self._missing()
         if problem:
             self._find(what, False, problem)
@@ -240,7 +242,7 @@ class ContractRun:
         if self._alive():
             self._find(what, False, self._alive())
         elif not came:
-            self._find(what, False, (
+            self._find(what, False, self._missing() or (
                 f'nothing arrived on {self._output} within {self._settings.discovery_s:g} s'))
         elif not log.samples:
             self._find(what, False, 'what arrived is no block')

@@ -210,8 +210,9 @@ class Probe:
 
     def poll(self) -> None:
         """Take what has arrived."""
-        while (message := _take(self._reader, Float64MultiArray)) is not None:
-            self.log.note(message)
+        if self._reader is not None:
+            while (message := _take(self._reader, Float64MultiArray)) is not None:
+                self.log.note(message)
         while (message := _take(self._status, String)) is not None:
             try:
                 status = json.loads(message.data)
