@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 __all__ = [
     'STREAMS',
+    'ArrayBlock',
     'Block',
     'BlockCodec',
     'MalformedBlockError',
@@ -63,6 +64,14 @@ class Block(NamedTuple):
     index: int  # type: ignore[assignment]  # hides tuple.index, which blocks do not need
     sample_period_s: float
     samples: tuple[float, ...]
+
+
+class ArrayBlock(NamedTuple):
+    """A `Block` with its samples as an array."""
+
+    index: int  # type: ignore[assignment]
+    sample_period_s: float
+    samples: NDArray[np.float64]
 
 
 class BlockCodec:
@@ -213,9 +222,11 @@ class BlockCodec:
             if sample - sample == 0.0 and period > 0.0 and index % 1.0 == 0.0 and 0.0 <= index:
                 if index < _MAXIMUM_INDEX and period < math.inf:
                     return Block(int(index), period, (sample,))
-        return self._decode_any(raw)
+        index, period, samples = self.decode_array(raw)
+        return Block(index, period, tuple(samples.tolist()))
 
-    def _decode_any(self, raw: bytes) -> Block:
+    def decode_array(self, raw: bytes) -> ArrayBlock:
+        """Return what `decode` does, the samples as an array."""
         label, size, stride, offset, data = _parse(raw)
         if label != self.label:
             raise MalformedBlockError(
@@ -226,7 +237,7 @@ class BlockCodec:
 
 def block_from_message_fields(
     label: str, size: int, stride: int, data_offset: int, data: NDArray[np.float64],
-) -> Block:
+) -> ArrayBlock:
     """
     Return the block held by the fields of a typed message.
 
@@ -241,7 +252,7 @@ def block_from_message_fields(
 
     Returns
     -------
-    Block
+    ArrayBlock
         The checked block.
 
     Raises
@@ -280,7 +291,7 @@ def _parse(raw: bytes) -> tuple[str, int, int, int, NDArray[np.float64]]:
 
 def _checked(
     label: str, size: int, stride: int, data_offset: int, data: NDArray[np.float64],
-) -> Block:
+) -> ArrayBlock:
     if data_offset != _HEADER_SAMPLES:
         raise MalformedBlockError(
             f'layout.data_offset of {label!r} is {data_offset}, a block has {_HEADER_SAMPLES} '
@@ -305,4 +316,4 @@ def _checked(
         first = int(np.argmin(finite))
         raise MalformedBlockError(
             f'sample {int(index) + first} of {label!r} is {samples[first]}, it must be finite')
-    return Block(int(index), period, tuple(samples.tolist()))
+    return ArrayBlock(int(index), period, samples)

@@ -5,12 +5,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from piezo_ros.control import controller, trajectory
+from piezo_ros.control import controller, stepping, trajectory
 from piezo_ros.model import hysteresis, rig
 from piezo_ros.model.compiled import kernel
 
-__all__ = ['closed_loop', 'trajectory_array']
+__all__ = ['closed_loop', 'controller_packed_array', 'trajectory_array']
 
+_controller_packed = stepping.controller_packed
 _controller_step = controller.controller_step
 _inverse_step = hysteresis.inverse_step
 _measure_step = rig.measure_step
@@ -52,3 +53,14 @@ def trajectory_array(
     """Fill both streams from the sample ``start`` on."""
     for k in range(reference_um.size):
         reference_um[k], feedforward_um[k] = _trajectory_step(constants, start + k)
+
+
+@kernel
+def controller_packed_array(
+    packed: NDArray[np.float64], start: int, reference_um: NDArray[np.float64],
+    feedforward_um: NDArray[np.float64], command_um: NDArray[np.float64],
+) -> None:
+    """Fill ``command_um`` from sample ``start`` on, without feedback; the state moves on."""
+    for k in range(reference_um.size):
+        command_um[k] = _controller_packed(
+            packed, start + k, reference_um[k], feedforward_um[k], 0.0)

@@ -6,6 +6,7 @@ from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from piezo_ros.control.feedforward import (
     FeedforwardConstants,
@@ -34,6 +35,8 @@ __all__ = [
     'trajectory_constants',
     'trajectory_step',
 ]
+
+_Samples = list[float] | NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,7 +86,7 @@ def trajectory_constants(parameters: TrajectoryParameters) -> TrajectoryConstant
 
 def trajectory_blocks(
     parameters: TrajectoryParameters, *, compiled: bool = False,
-) -> Callable[[int, int], tuple[list[float], list[float]]]:
+) -> Callable[[int, int], tuple[_Samples, _Samples]]:
     """
     Return a trajectory as a function.
 
@@ -98,7 +101,7 @@ def trajectory_blocks(
     -------
     callable
         Takes the index of the first sample and their number, and returns the reference and the
-        feedforward, micrometres.
+        feedforward, micrometres; as arrays where compiled, else as lists.
 
     """
     constants = trajectory_constants(parameters)
@@ -106,14 +109,14 @@ def trajectory_blocks(
         from piezo_ros.control.kernels import trajectory_array
         arrays = as_arrays(constants)
 
-        def compiled_block(start: int, count: int) -> tuple[list[float], list[float]]:
+        def compiled_block(start: int, count: int) -> tuple[_Samples, _Samples]:
             reference_um, feedforward_um = np.empty(count), np.empty(count)
             trajectory_array(arrays, start, reference_um, feedforward_um)
-            return reference_um.tolist(), feedforward_um.tolist()
+            return reference_um, feedforward_um
 
         return compiled_block
 
-    def block(start: int, count: int) -> tuple[list[float], list[float]]:
+    def block(start: int, count: int) -> tuple[_Samples, _Samples]:
         pairs = [trajectory_step(constants, start + k) for k in range(count)]
         return [pair[0] for pair in pairs], [pair[1] for pair in pairs]
 

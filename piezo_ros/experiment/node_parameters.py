@@ -48,6 +48,9 @@ class StageParameters(ParameterSet):
     required_readers: int = parameter(
         1, '', 'readers that each output needs before the run starts: 2 with a recorder',
         minimum=0, maximum=1000)
+    recorded_block_samples: int = parameter(
+        0, 'samples', 'largest block of recorded/<stream>, a copy of each output for a recorder '
+        'with from_copies; 0: no copies', minimum=0, maximum=10**6)
     compiled: bool = parameter(
         False, '', 'compute in compiled code: quicker for each sample, a second more to start')
     autostart: bool = parameter(
@@ -122,7 +125,7 @@ class BlockParameters(ParameterSet):
     """How the trajectory is cut into blocks."""
 
     block_samples: int = parameter(
-        100, 'samples', 'largest block', minimum=1, maximum=10**6)
+        500, 'samples', 'largest block', minimum=1, maximum=10**6)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -133,6 +136,9 @@ class RecorderParameters(ParameterSet):
         '', '', 'directory of the bag; must not exist; empty: named after date and time')
     streams: str = parameter(
         ','.join(STREAMS), '', 'streams to record, separated by commas')
+    from_copies: bool = parameter(
+        False, '', 'take recorded/<stream> in place of the streams themselves: hardly any load for '
+        'the loop; needs recorded_block_samples in the other nodes')
     compression: str = parameter(
         'zstd', '', 'compression of the chunks', choices=('zstd', 'lz4', 'none'))
     flush_period_s: float = parameter(

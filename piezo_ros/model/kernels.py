@@ -10,9 +10,12 @@ from piezo_ros.model.compiled import kernel
 
 __all__ = [
     'forward_array',
+    'hold_packed_array',
+    'hold_packed_creeping_array',
     'hold_packed_creeping_kernel',
     'hold_packed_kernel',
     'inverse_array',
+    'inverse_packed_array',
     'inverse_packed_kernel',
     'rig_array',
 ]
@@ -77,3 +80,33 @@ def hold_packed_creeping_kernel(
 def inverse_packed_kernel(memory: NDArray[np.float64], displacement_um: float) -> float:
     """Return the voltage of one displacement."""
     return _inverse_packed(memory, displacement_um)
+
+
+@kernel
+def inverse_packed_array(
+    memory: NDArray[np.float64], displacement_um: NDArray[np.float64],
+    voltage_v: NDArray[np.float64],
+) -> None:
+    """Fill ``voltage_v``; the state in ``memory`` moves on."""
+    for k in range(displacement_um.size):
+        voltage_v[k] = _inverse_packed(memory, displacement_um[k])
+
+
+@kernel
+def hold_packed_array(
+    memory: NDArray[np.float64], voltage_v: NDArray[np.float64], noise: NDArray[np.float64],
+    displacement_um: NDArray[np.float64],
+) -> None:
+    """Fill ``displacement_um`` with the readings; the state in ``memory`` moves on."""
+    for k in range(voltage_v.size):
+        displacement_um[k] = _hold_packed(memory, voltage_v[k], noise[k])
+
+
+@kernel
+def hold_packed_creeping_array(
+    memory: NDArray[np.float64], voltage_v: NDArray[np.float64], noise: NDArray[np.float64],
+    displacement_um: NDArray[np.float64],
+) -> None:
+    """Do as `hold_packed_array` for a rig with creep or drift."""
+    for k in range(voltage_v.size):
+        displacement_um[k] = _hold_packed_creeping(memory, voltage_v[k], noise[k])

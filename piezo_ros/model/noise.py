@@ -52,6 +52,7 @@ class NoiseSource:
         self._seed = seed
         self._start = 0
         self._values: list[float] = []
+        self._window = (0, np.empty(0))
 
     def __call__(self, index: int) -> float:
         """Return the noise of one sample."""
@@ -61,3 +62,22 @@ class NoiseSource:
             self._values = _chunk(self._seed, index // _CHUNK).tolist()
             offset = index - self._start
         return self._values[offset]
+
+    def window(self, index: int) -> tuple[int, NDArray[np.float64]]:
+        """Return the noise of samples around one, and the index of the first of them."""
+        number = index // _CHUNK
+        return number * _CHUNK, _chunk(self._seed, number)
+
+    def block(self, start: int, count: int) -> NDArray[np.float64]:
+        """Return the noise of consecutive samples, as `unit_noise` does."""
+        if not self._window[0] <= start <= self._window[0] + self._window[1].size:
+            self._window = self.window(start)
+        parts = []
+        while count:
+            first, values = self._window
+            part = values[start - first:start - first + count]
+            parts.append(part)
+            start, count = start + part.size, count - part.size
+            if count:
+                self._window = self.window(start)
+        return parts[0] if len(parts) == 1 else np.concatenate(parts)

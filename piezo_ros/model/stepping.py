@@ -11,6 +11,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from piezo_ros.model.converter import ConverterConstants
 from piezo_ros.model.creep import CreepConstants
@@ -37,6 +38,7 @@ __all__ = [
     'hold_packed',
     'hold_packed_creeping',
     'inverse_packed',
+    'packed_memory',
     'rig_stepper',
     'saturated_samples',
 ]
@@ -125,6 +127,11 @@ def _bound(kernel: Any, sizes: list[int], numbers: int, *contents: Any) -> Calla
     from piezo_ros.model.compiled import direct
     memory = np.array([*sizes, *_flat(contents)], dtype=np.float64)
     return partial(direct(kernel, memory, *[0.0] * numbers), memory)
+
+
+def packed_memory(stepper: Any) -> NDArray[np.float64]:
+    """Return the state and constants of a compiled stepper, as its kernel takes them."""
+    return stepper.args[0]  # type: ignore[no-any-return]
 
 
 def _flat(value: Any) -> list[float]:

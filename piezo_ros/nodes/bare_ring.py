@@ -1,10 +1,11 @@
 """
-The bare transport: a message of one sample round and round over three hops, no mathematics.
+The bare transport: messages round and round over three hops, no mathematics.
 
 What the node graph is measured against in ``piezo bench``: same message, quality of service and way
 of waiting, but neither decoded nor checked nor answered. Run as
-``python -m piezo_ros.nodes.bare_ring ROUNDS HOPS --ros-args …`` with the hops of this process, 012
-for all three; the process with hop 0 prints the rounds per second.
+``python -m piezo_ros.nodes.bare_ring ROUNDS SAMPLES MESSAGES HOPS --ros-args …`` with the samples
+in a message, the messages on their way at once and the hops of this process, 012 for all three. The
+process with hop 0 prints how many messages a second came round.
 """
 
 import os
@@ -26,10 +27,11 @@ _PATIENCE_S = 20.0
 
 def main() -> int:
     """Run the hops of this process."""
-    rounds, hops = int(sys.argv[1]), [int(hop) for hop in sys.argv[2]]
+    rounds, samples, messages = (int(word) for word in sys.argv[1:4])
+    hops = [int(hop) for hop in sys.argv[4]]
     set_middleware_defaults()
     rclpy.init()
-    node = rclpy.create_node('ring_' + sys.argv[2])
+    node = rclpy.create_node('ring_' + sys.argv[4])
     readers = [
         node.create_subscription(
             Float64MultiArray, f'hop_{hop}', lambda message: None, STREAM) for hop in hops]
@@ -53,7 +55,8 @@ def main() -> int:
     if leads:
         # The match on the other side may be seen a little later.
         time.sleep(0.2)
-        ends[0][1](BlockCodec('voltage').encode_one(0, 1e-5, 0.5))
+        for _ in range(messages):
+            ends[0][1](BlockCodec('voltage').encode(0, 1e-5, [0.5] * samples))
     count = 0
     start = last = time.perf_counter()
     while True:

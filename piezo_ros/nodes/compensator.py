@@ -1,9 +1,17 @@
 """The compensator: linearised command in, voltage out, through the inverse MRC model."""
 
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
 from piezo_ros.model.hysteresis import HysteresisParameters
-from piezo_ros.model.stepping import compensator_stepper
+from piezo_ros.model.stepping import compensator_stepper, packed_memory
 from piezo_ros.nodes.parameters import read
 from piezo_ros.nodes.stage import Stage
+
+if TYPE_CHECKING:
+    from piezo_ros.nodes.relay import Relay
 
 __all__ = ['Compensator']
 
@@ -23,21 +31,43 @@ class Compensator(Stage):
 
     def start(self) -> None:
         """Assume a virgin stage."""
-        self._inverse = compensator_stepper(self._hysteresis, compiled=self.settings.compiled)
+        compiled = self.settings.compiled
+        self._inverse = compensator_stepper(self._hysteresis, compiled=compiled)
         self._command = self.readers['command']
         self._voltage = self.writers['voltage']
+        self._relay = self._make_relay() if compiled else None
+
+    def _make_relay(self) -> 'Relay':
+        from piezo_ros.bag.relay_kernels import relay_inverse
+        from piezo_ros.nodes.relay import Relay
+        relay = Relay(self._command, self._voltage, relay_inverse, self._poll_other)
+        relay.bind(packed_memory(self._inverse))
+        return relay
 
     def poll(self) -> bool:
         """Answer one block."""
         sample = self._command.take_one()
-        if sample is not None:
-            self._voltage.publish_one(self._inverse(sample))
-            return True
-        samples = self._command.take_other()
+        if sample is None:
+            return self._poll_other()
+        self._voltage.publish_one(self._inverse(sample))
+        if self._relay:
+            self.quick = self._relay.poll
+        return True
+
+    def _poll_other(self) -> bool:
+        samples = self._command.take_rest()
         if samples is None:
             return False
-        if samples:
-            self._voltage.publish([self._inverse(sample) for sample in samples])
+        if samples.size:
+            self._voltage.publish(self._answer(samples))
         else:
             self.finish()
         return True
+
+    def _answer(self, command_um: NDArray[np.float64]) -> list[float] | NDArray[np.float64]:
+        if not self.settings.compiled:
+            return [self._inverse(sample) for sample in command_um.tolist()]
+        from piezo_ros.model.kernels import inverse_packed_array
+        voltage_v = np.empty_like(command_um)
+        inverse_packed_array(packed_memory(self._inverse), command_um, voltage_v)
+        return voltage_v

@@ -1,8 +1,10 @@
 """The controller: reference, feedforward and displacement in, linearised command out."""
 
 from collections.abc import Callable, Mapping
-from typing import Any
+from itertools import islice
+from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
 
@@ -16,15 +18,21 @@ from piezo_ros.control.controller import (
     prepare_transfer,
     recall_measurement,
 )
+from piezo_ros.control.stepping import PackedController
 from piezo_ros.experiment.node_parameters import DemandParameters
 from piezo_ros.model.parameters import ParameterError
 from piezo_ros.nodes.demand import DemandWriter
-from piezo_ros.nodes.law_schedule import LawSchedule
+from piezo_ros.nodes.law_schedule import NEVER, LawSchedule
 from piezo_ros.nodes.parameters import read
 from piezo_ros.nodes.stage import Stage
 from piezo_ros.nodes.streams import StreamFault, StreamReader
 
+if TYPE_CHECKING:
+    from piezo_ros.nodes.relay import Relay
+
 __all__ = ['Controller']
+
+_WORTH_LENDING = 4  # samples; the relay for fewer costs more than it saves
 
 
 class Controller(Stage):
@@ -97,7 +105,9 @@ class Controller(Stage):
     def start(self) -> None:
         """Forget everything and ask for the first samples."""
         self._schedule = LawSchedule(self._law, self._listed_changes)
-        self._memory = initial_state(self._law)
+        self._packed = PackedController(self._law) if self.settings.compiled else None
+        self._memory = self._packed.state if self._packed else initial_state(self._law)
+        self._lent_at: int | None = None  # index from which on the relay has the targets
         self._reference = self.readers['reference']
         self._feedforward = self.readers['feedforward']
         self._displacement = self.readers['displacement']
@@ -105,22 +115,71 @@ class Controller(Stage):
         # A feedforward that the scheme does not use is taken all the same while somebody sends it.
         self._has_feedforward = self._feedforward.subscription.get_publisher_count() > 0
         self._first = max(self.settings.start_index, 0)
-        self._index = 0  # from the first sample of the run on
         self._commands_ended = False
         # What must be done before the next sample can be; None for nothing.
         self._prepare: Callable[[], bool] | None = None
         if self.settings.start_index < 0:
             self._prepare = self._join
         self._use_law()
+        self._relay = self._make_relay() if self._packed else None
         self._demand.start(0)
+
+    @property
+    def _index(self) -> int:
+        """Number of the next sample, from the first one of the run on."""
+        return self._command.next_index - self._first
+
+    def _make_relay(self) -> 'Relay':
+        from piezo_ros.bag.relay_kernels import relay_controller
+        from piezo_ros.nodes.relay import Relay
+        return Relay(self._displacement, self._command, relay_controller, self._poll_other)
+
+    def _lend(self, relay: 'Relay') -> None:
+        """Let the relay go on as far as there are targets; what it has used is dropped later."""
+        assert self._packed is not None
+        count = min(len(self._reference.queue), (self._flow.lookahead_samples + 1) // 2)
+        if self._has_feedforward:
+            count = min(count, len(self._feedforward.queue))
+        if self._schedule.change_at >= self._index:
+            count = min(count, self._schedule.change_at - self._index)
+        if count < _WORTH_LENDING:
+            return
+        reference_um = np.array(list(islice(self._reference.queue, count)))
+        feedforward_um = (
+            np.array(list(islice(self._feedforward.queue, count))) if self._has_feedforward
+            else np.zeros(count))
+        self._lent_at = self._command.next_index
+        relay.bind(self._packed.packed, self._first, self._lent_at, reference_um, feedforward_um)
+        self.quick = relay.poll
+
+    def _take_back(self) -> None:
+        """Drop the targets that the relay has used."""
+        if self._lent_at is None:
+            return
+        self._lent_at = None
+        self.quick = self.poll
+        self._reference.drop_before(self._command.next_index)
+        if self._has_feedforward:
+            self._feedforward.drop_before(self._command.next_index)
+
+    def _poll_other(self) -> bool:
+        """Go on with what the relay could not answer."""
+        self._take_back()
+        samples = self._displacement.take_other()
+        if samples is not None:
+            self._displacement.queue.extend(samples)
+        return self.poll() or samples is not None
 
     def _use_law(self) -> None:
         law = self._schedule.law
         self._constants = controller_constants(law, self.settings.sample_period_s)
+        if self._packed:
+            self._packed.use(self._constants)
         self._closes_loop = law.uses_feedback
 
     def poll(self) -> bool:
         """Send every command that can be computed now."""
+        self._take_back()
         if self._prepare is not None:
             if not self._prepare():
                 return self._check_end()
@@ -130,6 +189,9 @@ class Controller(Stage):
         else:
             progress = self._poll_blocks()
         self._demand.update(self._displacement.next_index)
+        if self._relay and self._closes_loop and self._prepare is None and self.running:
+            if not (self._displacement.queue or self._displacement.ended):
+                self._lend(self._relay)
         return progress
 
     def begin_at(self, index: int) -> None:
@@ -198,15 +260,13 @@ class Controller(Stage):
             self._command.publish_one(controller_step(
                 self._memory, self._constants, self._index, reference_um, feedforward_um,
                 displacement.queue.popleft()))
-            self._index += 1
             progress = True
         return self._check_end() or progress
 
     def _poll_blocks(self) -> bool:
-        progress = self._displacement.fill()
-        # A scheme that is to come may ask for the last measurements before its first sample.
-        slots = len(self._memory.measured_um)
-        self._displacement.drop_before(self._first + self._index - slots)
+        progress = self._take_displacement()
+        if self._packed and self._answer_whole_blocks(self._packed):
+            return True
         if self._next_target():
             if self._index == self._schedule.change_at:
                 self._change()
@@ -219,15 +279,51 @@ class Controller(Stage):
             if self._schedule.change_at > self._index:
                 count = min(count, self._schedule.change_at - self._index)
             commands = []
-            for _ in range(count):
+            for index in range(self._index, self._index + count):
                 feedforward_um = feedforward.popleft() if self._has_feedforward else 0.0
                 commands.append(controller_step(
-                    self._memory, self._constants, self._index, reference.popleft(),
-                    feedforward_um, 0.0))
-                self._index += 1
+                    self._memory, self._constants, index, reference.popleft(), feedforward_um,
+                    0.0))
             self._command.publish(commands)
             progress = True
         return self._check_end() or progress
+
+    def _take_displacement(self) -> bool:
+        """Take a block of the displacement, of which only the newest samples are of interest."""
+        displacement = self._displacement
+        samples = displacement.take_array()
+        # A scheme that is to come may ask for the last measurements before its first sample.
+        oldest = self._first + self._index - len(self._memory.measured_um)
+        if samples is not None:
+            count = displacement.next_index - oldest
+            displacement.queue.extend(samples[max(0, samples.size - count):].tolist())
+        displacement.drop_before(oldest)
+        return samples is not None
+
+    def _answer_whole_blocks(self, packed: PackedController) -> bool:
+        """Answer a block of targets in compiled code, if nothing else is to be done meanwhile."""
+        reference, feedforward = self._reference, self._feedforward
+        if reference.queue or feedforward.queue or self._schedule.change_at != NEVER:
+            return False
+        reference_um = reference.take_array()
+        if reference_um is None:
+            return False
+        feedforward_um = feedforward.take_array() if self._has_feedforward else None
+        if not self._has_feedforward:
+            feedforward_um = np.zeros_like(reference_um)
+        if feedforward_um is None or feedforward_um.size != reference_um.size:
+            # They are cut differently, or one is late.
+            reference.queue.extend(reference_um.tolist())
+            feedforward.queue.extend([] if feedforward_um is None else feedforward_um.tolist())
+            return False
+        if not reference_um.size:
+            return False
+        from piezo_ros.control.kernels import controller_packed_array
+        command_um = np.empty_like(reference_um)
+        controller_packed_array(
+            packed.packed, self._index, reference_um, feedforward_um, command_um)
+        self._command.publish(command_um)
+        return True
 
     def _next_target(self) -> bool:
         """Return whether reference and feedforward of the next sample are there."""
@@ -285,6 +381,7 @@ class Controller(Stage):
 
     def _schedule_change(self, at_sample: int, values: Mapping[str, Any]) -> str:
         """Add a change between two samples; return why not, '' if it was added."""
+        self._take_back()
         next_index = self._first + self._index
         if at_sample < 0:
             at_sample = next_index

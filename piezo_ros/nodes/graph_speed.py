@@ -16,24 +16,30 @@ from piezo_ros.nodes.middleware import set_middleware_defaults
 __all__ = ['graph_rate', 'ring_rate']
 
 
-def ring_rate(rounds: int, *, composed: bool) -> float:
+def ring_rate(
+    rounds: int, *, composed: bool, block_samples: int = 1, blocks_in_flight: int = 1,
+) -> float:
     """
-    Return the rounds per second of the bare three-hop ring.
+    Return the samples per second that come round in the bare three-hop ring.
 
     Parameters
     ----------
     rounds : int
-        How often the message goes round.
+        How many messages come round.
     composed : bool
         All hops in one process in place of one process each.
+    block_samples : int
+        Samples in a message.
+    blocks_in_flight : int
+        Messages on their way at once.
 
     """
     set_middleware_defaults()
     parts = ['012'] if composed else [str(hop) for hop in range(HOPS)]
     processes = [
         subprocess.Popen(
-            [sys.executable, '-m', 'piezo_ros.nodes.bare_ring', str(rounds), part,
-             '--ros-args', '-r', f'__ns:=/piezo_ring_{os.getpid()}'],
+            [sys.executable, '-m', 'piezo_ros.nodes.bare_ring', str(rounds), str(block_samples),
+             str(blocks_in_flight), part, '--ros-args', '-r', f'__ns:=/piezo_ring_{os.getpid()}'],
             stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
         for part in parts]
     try:
@@ -43,7 +49,7 @@ def ring_rate(rounds: int, *, composed: bool) -> float:
             process.kill()
     if any(process.returncode for process in processes):
         raise CampaignError('the bare ring failed: ' + ' '.join(error for _, error in outputs))
-    return float(outputs[0][0])
+    return float(outputs[0][0]) * block_samples
 
 
 def graph_rate(

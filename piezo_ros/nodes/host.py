@@ -144,8 +144,8 @@ def _stream_loop(stages: Sequence[Stage], stop: _Stop) -> None:
         for stage in stages:
             stage.serve_request()
         waited_for = [stage for stage in urgent if stage.running]
-        progress = _turns(waited_for, _TURNS) if waited_for else False
-        progress = _turns([stage for stage in others if stage.running], 1) or progress
+        progress = _turns(waited_for, _TURNS, stop) if waited_for else False
+        progress = _turns([stage for stage in others if stage.running], 1, stop) or progress
         now = time.monotonic()
         if progress:
             idle_since = now
@@ -160,17 +160,16 @@ def _stream_loop(stages: Sequence[Stage], stop: _Stop) -> None:
                 return
 
 
-def _turns(stages: Sequence[Stage], number: int) -> bool:
+def _turns(stages: Sequence[Stage], number: int, stop: _Stop) -> bool:
     """Let running stages do what they can, several times; return whether there was anything."""
     progress = False
-    polls = [(stage, stage.poll) for stage in stages]
     for turn in range(1, number + 1):
         idle = True
-        for stage, poll in polls:
-            # Stages end within a turn.
-            if stage.running:
+        for stage in stages:
+            # Stages end within a turn; and who shall stop must not see its peers do so first.
+            if stage.running and not stop.signal_number:
                 try:
-                    if poll():
+                    if stage.quick():
                         idle = False
                 except Exception as error:  # The run ends in order and the voltage at zero.
                     stage.break_off(error)

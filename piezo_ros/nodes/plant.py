@@ -2,7 +2,10 @@
 
 import math
 import time
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from piezo_ros.control.demagnetisation import demagnetising_voltage
 from piezo_ros.experiment.node_parameters import (
@@ -13,13 +16,16 @@ from piezo_ros.experiment.node_parameters import (
 )
 from piezo_ros.model.noise import NoiseSource
 from piezo_ros.model.rig import RigParameters, measure_step, rig_constants
-from piezo_ros.model.stepping import rig_stepper, saturated_samples
+from piezo_ros.model.stepping import packed_memory, rig_stepper, saturated_samples
 from piezo_ros.nodes.demand import DemandWriter
 from piezo_ros.nodes.pace import Pace
 from piezo_ros.nodes.parameters import read
 from piezo_ros.nodes.simulated_clock import SimulatedClock
 from piezo_ros.nodes.stage import ServiceRefusedError, Stage
 from piezo_ros.nodes.streams import StreamFault, StreamReader
+
+if TYPE_CHECKING:
+    from piezo_ros.nodes.relay import Relay
 
 __all__ = ['Plant']
 
@@ -35,15 +41,29 @@ class Plant(Stage):
     troubles = (*Stage.troubles, 'overruns', 'rail_samples', 'slew_samples')
 
     def __init__(self, *, compiled: bool = False) -> None:
-        self._voltage_v = 0.0
+        self._held_v = np.zeros(1)
         self._elapsed_s = 0.0
-        self._index = 0
         self._stage_of: tuple[Any, ...] = ()  # what the stage that is kept was made of
         self._saturated_before = (0, 0)
         self._pace: Pace | None = None
         self._clock_writer: SimulatedClock | None = None
         super().__init__('plant', compiled=compiled)
         self.create_trigger('initialise', self.initialise)
+
+    @property
+    def _index(self) -> int:
+        """Index of the newest reading, 0 before the first."""
+        displacement = self.writers.get('displacement')
+        return max(displacement.next_index - 1, 0) if displacement else 0
+
+    @property
+    def _voltage_v(self) -> float:
+        """The voltage that the rig is driven with."""
+        return float(self._held_v[0])
+
+    @_voltage_v.setter
+    def _voltage_v(self, value: float) -> None:
+        self._held_v[0] = value
 
     def configure(self) -> None:
         """Read the parameters of the rig."""
@@ -76,12 +96,13 @@ class Plant(Stage):
         self._elapsed_s = 0.0
         factor = self._timing.realtime_factor
         self._pace = Pace(factor, period_s) if factor else None
-        self._held: tuple[float, ...] | None = None
-        self._index = max(start_index, 0)
+        self._held: NDArray[np.float64] | None = None
+        self._relay = (
+            self._make_relay() if self.settings.compiled and not (factor or self._demand) else None)
         if start_index >= 0:
             self._open()
         if self._demand:
-            self._demand.start(self._index)
+            self._demand.start(max(start_index, 0))
         if self._clock_writer:
             self._clock_writer.start(period_s)
 
@@ -96,6 +117,16 @@ class Plant(Stage):
         # Last: diagnostics may ask meanwhile.
         self._stage_of = (self._rig, self.settings.sample_period_s, self.settings.compiled)
 
+    def _make_relay(self) -> 'Relay':
+        from piezo_ros.bag.relay_kernels import relay_rig, relay_rig_creeping
+        from piezo_ros.nodes.relay import Relay
+        constants = rig_constants(self._rig, self.settings.sample_period_s)
+        relay = Relay(
+            self._voltage, self._displacement,
+            relay_rig_creeping if constants.creep else relay_rig, self._poll_other)
+        relay.bind(packed_memory(self._hold), self._held_v, *self._noise.window(0))
+        return relay
+
     def begin_at(self, index: int) -> None:
         """Open with the reading before the first voltage, whose index is known only now."""
         super().begin_at(index)
@@ -103,8 +134,7 @@ class Plant(Stage):
 
     def _open(self) -> None:
         """Send the reading before the first voltage."""
-        self._index = self._displacement.next_index
-        noise = self._noise(self._index)
+        noise = self._noise(self._displacement.next_index)
         # A stage that has been driven rests at zero volts, wherever that is.
         self._displacement.publish_one(
             self._hold(0.0, noise) if self._kept else measure_step(
@@ -115,10 +145,23 @@ class Plant(Stage):
         if self._pace is not None:
             return self._poll_paced(self._pace)
         sample = self._voltage.take_one()
-        if sample is not None:
-            self._answer_one(sample)
-            return True
-        samples = self._voltage.take_other()
+        if sample is None:
+            return self._poll_other()
+        self._answer_one(sample)
+        if self._relay:
+            self._lend(self._relay)
+        return True
+
+    def _lend(self, relay: 'Relay') -> None:
+        """Let the relay go on as far as there is noise at hand."""
+        window = self._noise.window(self._displacement.next_index)
+        relay.bind(packed_memory(self._hold), self._held_v, *window)
+        self.quick = relay.poll
+
+    def _poll_other(self) -> bool:
+        # At the end of its noise the relay cannot go on either.
+        self.quick = self.poll
+        samples = self._voltage.take_rest()
         if samples is None:
             return False
         self._answer(samples)
@@ -126,22 +169,19 @@ class Plant(Stage):
 
     def _answer_one(self, sample: float) -> None:
         self._voltage_v = sample
-        self._index = index = self._index + 1
+        index = self._displacement.next_index
         self._displacement.publish_one(self._hold(sample, self._noise(index)))
         if self._demand:
             self._demand.update(index)
 
-    def _answer(self, samples: tuple[float, ...]) -> None:
+    def _answer(self, samples: NDArray[np.float64]) -> None:
         if self._displacement.sent == 1:
             self._began_s = time.perf_counter()  # the first block never comes by `take_one`
-        if len(samples) == 1:
-            self._answer_one(samples[0])
+        if samples.size == 1:
+            self._answer_one(float(samples[0]))
             return
-        if samples:
-            self._displacement.publish([
-                self._hold(sample, self._noise(index))
-                for index, sample in enumerate(samples, start=self._index + 1)])
-            self._index += len(samples)
+        if samples.size:
+            self._displacement.publish(self._hold_block(samples))
             self._voltage_v = samples[-1]
         else:
             self._elapsed_s = time.perf_counter() - self._began_s
@@ -149,15 +189,28 @@ class Plant(Stage):
         if self._demand:
             self._demand.update(self._index)
 
+    def _hold_block(self, voltage_v: NDArray[np.float64]) -> list[float] | NDArray[np.float64]:
+        noise = self._noise.block(self._displacement.next_index, voltage_v.size)
+        if not self.settings.compiled:
+            return [
+                self._hold(voltage, unit) for voltage, unit in
+                zip(voltage_v.tolist(), noise.tolist(), strict=True)]
+        from piezo_ros.model.kernels import hold_packed_array, hold_packed_creeping_array
+        creeps = rig_constants(self._rig, self.settings.sample_period_s).creep
+        displacement_um = np.empty_like(voltage_v)
+        (hold_packed_creeping_array if creeps else hold_packed_array)(
+            packed_memory(self._hold), voltage_v, noise, displacement_um)
+        return displacement_um
+
     def _poll_paced(self, pace: Pace) -> bool:
         """Answer one block when its time has come."""
         if self._held is None:
-            self._held = self._voltage.take()
+            self._held = self._voltage.take_array()
             if self._held is None:
                 return False
             self._due_s = pace.due_s(self._index, len(self._held), time.monotonic())
         left_s = self._due_s - time.monotonic()
-        if left_s > 0.0 and self._held:
+        if left_s > 0.0 and self._held.size:
             # Everybody waits for this stage; none is kept waiting for longer than a nap.
             time.sleep(min(left_s, _NAP_S))
             if left_s > _NAP_S:

@@ -111,9 +111,10 @@ class OutputLog:
         if dimension.label != self._label:
             raise MalformedBlockError(
                 f'layout.dim[0].label is {dimension.label!r}, it must be {self._label!r}')
-        return block_from_message_fields(
+        index, period_s, samples = block_from_message_fields(
             dimension.label, dimension.size, dimension.stride, message.layout.data_offset,
             np.asarray(message.data))
+        return Block(index, period_s, tuple(samples.tolist()))
 
 
 class Probe:

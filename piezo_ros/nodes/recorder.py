@@ -15,6 +15,7 @@ from piezo_ros.experiment.provenance import parameters_yaml, run_metadata
 from piezo_ros.model.parameters import ParameterError
 from piezo_ros.nodes.parameters import plain, read
 from piezo_ros.nodes.stage import Stage
+from piezo_ros.nodes.stream_copy import copy_topic
 from piezo_ros.nodes.streams import StreamFault
 
 __all__ = ['Recorder']
@@ -47,6 +48,10 @@ class Recorder(Stage):
         if self._directory.exists():
             raise ParameterError(f'bag_directory {self._directory} exists; it is not overwritten')
 
+    def input_topic(self, stream: str) -> str:
+        """Return the topic of a stream, or of its copy."""
+        return copy_topic(stream) if self._recording.from_copies else stream
+
     def start(self) -> None:
         """Ask the other nodes for their parameters; the bag begins with them."""
         self._choose_directory()  # every run has a bag of its own
@@ -66,7 +71,7 @@ class Recorder(Stage):
         progress = False
         for stream, reader in self.readers.items():
             for _ in range(_AT_ONCE):
-                if reader.take() is None:
+                if reader.take_array() is None:
                     break
                 self._pending.append((stream, reader.raw))
                 progress = True
@@ -119,7 +124,7 @@ class Recorder(Stage):
             for reader in list(open_readers):
                 try:
                     for _ in range(_AT_ONCE):
-                        if reader.take() is None:
+                        if reader.take_array() is None:
                             break
                         bag.write(reader.stream, reader.raw)
                         quiet_since = time.monotonic()
@@ -142,9 +147,7 @@ class Recorder(Stage):
         try:
             self._bag = BagWriter(
                 self._directory,
-                topics={
-                    stream: reader.subscription.topic_name
-                    for stream, reader in self.readers.items()},
+                topics={stream: self.resolve_topic_name(stream) for stream in self.readers},
                 metadata=run_metadata(parameters), compression=self._recording.compression)
             self._bag.attach_parameters(parameters_yaml(self.get_namespace(), parameters))
         except (BagError, ValueError) as error:

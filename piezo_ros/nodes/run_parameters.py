@@ -9,6 +9,7 @@ from piezo_ros.experiment.plan import PlannedRun
 __all__ = ['run_parameters']
 
 _BARE_LOOKAHEAD: Final = 1000
+_RECORDED_BLOCK_SAMPLES: Final = 1000
 _PARAMETERS_TIMEOUT_S: Final = 15.0  # a loaded machine takes its time
 
 
@@ -38,18 +39,21 @@ def run_parameters(
 
     """
     # The stages stay until the recorder has all it wants of them.
-    common = {'required_readers': 2 if record else 1, 'linger_s': -1.0, 'compiled': compiled}
+    common = {
+        'required_readers': 1, 'recorded_block_samples': _RECORDED_BLOCK_SAMPLES if record else 0,
+        'linger_s': -1.0, 'compiled': compiled}
     sections = {stage: {**planned.parameters[stage], **common} for stage in planned.stages}
     # Every run of a plan is one of its own, whichever process does it.
     sections['plant']['keep_state'] = False
-    # Without a controller the plant demands, and only the recorder reads its displacement.
+    # Without a controller the plant demands, and nobody but a recorder wants its displacement.
     sections['plant']['demand_lookahead_samples'] = _BARE_LOOKAHEAD if planned.bare else 0
     if planned.bare:
-        sections['plant']['required_readers'] = int(record)
+        sections['plant']['required_readers'] = 0
     if record:
         sections = {'recorder': {
             'streams': 'voltage,displacement' if planned.bare else ','.join(STREAMS),
-            'bag_directory': str(bag.absolute()), 'linger_s': 0.0 if autostart else -1.0,
+            'bag_directory': str(bag.absolute()), 'from_copies': True,
+            'linger_s': 0.0 if autostart else -1.0,
             'parameters_timeout_s': _PARAMETERS_TIMEOUT_S,
             'sample_period_s': planned.trajectory.sample_period_s}, **sections}
     for values in sections.values():

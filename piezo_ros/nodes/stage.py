@@ -79,6 +79,8 @@ class Stage(LifecycleNode):
         self.activity = 'unconfigured'
         self.result = ''  # how the newest run ended
         self.reason = ''
+        # What the stream loop calls: `poll`, or a quicker way that ends in it.
+        self.quick: Callable[[], bool] = self.poll
         self.readers: dict[str, StreamReader] = {}
         self.writers: dict[str, StreamWriter] = {}
         self._status = self.create_publisher(String, 'status', LATCHED)
@@ -133,6 +135,10 @@ class Stage(LifecycleNode):
     def parameters_changed(self) -> None:
         """Take over what may change at once; the new values are there."""
 
+    def input_topic(self, stream: str) -> str:
+        """Return the topic of an input."""
+        return stream
+
     def required_inputs(self) -> tuple[str, ...]:
         """Return the inputs that must have a writer before the run starts."""
         return self.inputs
@@ -143,8 +149,12 @@ class Stage(LifecycleNode):
         """Read the parameters and create every endpoint."""
         try:
             self._read_parameters()
-            self.readers = {stream: StreamReader(self, stream) for stream in self.inputs}
-            self.writers = {stream: StreamWriter(self, stream) for stream in self.outputs}
+            self.readers = {
+                stream: StreamReader(self, stream, self.input_topic(stream))
+                for stream in self.inputs}
+            self.writers = {
+                stream: StreamWriter(self, stream, self.settings.recorded_block_samples)
+                for stream in self.outputs}
             self.create_endpoints()
             self._monitor.create_endpoints()
         except Exception as error:  # rclpy would swallow it.
@@ -194,6 +204,7 @@ class Stage(LifecycleNode):
                 writer.start(max(start_index, 0), period_s)
             self.over, self.reason, self.result = False, '', ''
             self.run_number += 1
+            self.quick = self.poll
             try:
                 self.start()
             except Exception as error:  # rclpy would swallow it.
@@ -248,7 +259,8 @@ class Stage(LifecycleNode):
             self._stream_subscriptions.discard(reader.subscription)
             self.destroy_subscription(reader.subscription)
         for writer in self.writers.values():
-            self.destroy_publisher(writer.publisher)
+            for publisher in writer.publishers:
+                self.destroy_publisher(publisher)
         self.readers, self.writers = {}, {}
         for subscription in self._own_subscriptions:
             self._stream_subscriptions.discard(subscription)
@@ -356,6 +368,8 @@ class Stage(LifecycleNode):
         """Look after peers, time limits and status; called a few times a second."""
         if not self.running:
             return
+        for writer in self.writers.values():
+            writer.flush()
         try:
             self.watch(now_s)
             if now_s >= self._next_check:
@@ -452,7 +466,8 @@ class Stage(LifecycleNode):
             and time.monotonic() < supervisor_deadline
         ):
             time.sleep(0.01)
-        publishers = [writer.publisher for writer in self.writers.values()]
+        publishers = [
+            publisher for writer in self.writers.values() for publisher in writer.publishers]
         for publisher in [*publishers, self._status]:
             left_s = max(deadline - time.monotonic(), 0.01)
             publisher.wait_for_all_acked(Duration(seconds=left_s))
@@ -505,11 +520,13 @@ class Stage(LifecycleNode):
                         f'{reader.subscription.topic_name} has {writers} writers, exactly one is '
                         'needed')
             for writer in self.writers.values():
-                readers = writer.publisher.get_subscription_count()
-                if readers < self.settings.required_readers:
-                    problem = (
-                        f'{writer.publisher.topic_name} has {readers} readers, '
-                        f'{self.settings.required_readers} are needed')
+                # A copy is for one recorder.
+                needed = [self.settings.required_readers, 1]
+                for publisher, number in zip(writer.publishers, needed, strict=False):
+                    readers = publisher.get_subscription_count()
+                    if readers < number:
+                        problem = (
+                            f'{publisher.topic_name} has {readers} readers, {number} are needed')
             problem = problem or self.missing_peers()
             if not problem:
                 return ''

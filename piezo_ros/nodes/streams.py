@@ -9,33 +9,34 @@ import math
 import struct
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
-from rclpy.qos import ReliabilityPolicy
+from rclpy.publisher import Publisher
 from rclpy.serialization import deserialize_message
 from std_msgs.msg import Float64MultiArray
 
 from piezo_ros.bag.block import (
-    Block,
+    ArrayBlock,
     BlockCodec,
     MalformedBlockError,
     OtherEncodingError,
     block_from_message_fields,
 )
-from piezo_ros.nodes.qos import STREAM, overridable
+from piezo_ros.nodes.outlet import Outlet
+from piezo_ros.nodes.qos import STREAM
+from piezo_ros.nodes.stream_copy import StreamCopy
 
 if TYPE_CHECKING:
     from piezo_ros.nodes.stage import Stage
 
 __all__ = ['StreamFault', 'StreamReader', 'StreamWriter']
 
+_unpack_number = struct.Struct('<d').unpack_from
 _WARN_S = 2.0  # a warning of one kind at most this often
-_PATIENCE_S = 1.0  # for a reader that is merely slow, as a recorder may be
 
 
 class StreamFault(Exception):
@@ -43,33 +44,62 @@ class StreamFault(Exception):
 
 
 class StreamWriter:
-    """Publisher of one stream, sample by sample or in blocks."""
+    """
+    Publisher of one stream, sample by sample or in blocks.
 
-    def __init__(self, stage: 'Stage', stream: str) -> None:
+    Parameters
+    ----------
+    stage : Stage
+        Whose node publishes.
+    stream : str
+        The stream.
+    copy_samples : int
+        Largest block of a copy for a recorder, see `piezo_ros.nodes.stream_copy`; 0 for none.
+
+    """
+
+    def __init__(self, stage: 'Stage', stream: str, copy_samples: int = 0) -> None:
         self.stream = stream
-        self.publisher = stage.create_publisher(
-            Float64MultiArray, stream, **overridable(STREAM))
-        self.newest = 0.0
-        self.is_waiting = False  # for a reader, for so long that it was warned of
-        self._stage = stage
+        self.outlet = Outlet(stage, stream)
+        self.publisher = self.outlet.publisher
+        self.copy = StreamCopy(stage, stream, copy_samples) if copy_samples else None
+        self.next_index = 0
         self._codec = BlockCodec(stream)
         # A block of one sample is written over the one before: no bytes are put together for it.
         head, numbers = self._codec.single
-        self._message = bytearray(head) + bytes(numbers.size)
-        self._write_numbers = partial(numbers.pack_into, self._message, len(head))
-        # It takes a bytearray as well, whatever its types say.
-        self._publish_raw: Callable[[bytes | bytearray], None] = cast(
-            'Any', self.publisher.handle.publish_raw)
+        self.message = bytearray(head) + bytes(numbers.size)
+        self._write_numbers = partial(numbers.pack_into, self.message, len(head))
         self._period_s = 0.0
         self._first = 0
-        self.next_index = 0
         self._ended = False
 
     def start(self, index: int, sample_period_s: float) -> None:
         """Begin a run at an index."""
         self._period_s = sample_period_s
-        self._first = self.next_index = index
+        self._begin(index)
         self._ended = False
+        self._write_numbers(index, sample_period_s, 0.0)
+
+    def _begin(self, index: int) -> None:
+        self._first = self.next_index = index
+        if self.copy:
+            self.copy.start(index, self._period_s)
+
+    @property
+    def publishers(self) -> list[Publisher[Float64MultiArray]]:
+        """What publishes: the stream, and its copy where there is one."""
+        outlets = [self.outlet, self.copy.outlet] if self.copy else [self.outlet]
+        return [outlet.publisher for outlet in outlets]
+
+    @property
+    def is_waiting(self) -> bool:
+        """Whether a reader does not take at present."""
+        return self.outlet.is_waiting or bool(self.copy and self.copy.outlet.is_waiting)
+
+    @property
+    def newest(self) -> float:
+        """The newest sample, 0 before the first."""
+        return _unpack_number(self.message, len(self.message) - 8)[0]  # type: ignore[no-any-return]
 
     @property
     def sent(self) -> int:
@@ -79,67 +109,51 @@ class StreamWriter:
     def begin_at(self, index: int) -> None:
         """Begin at another index, unless something is sent already."""
         if not self.sent:
-            self._first = self.next_index = index
+            self._begin(index)
 
     def publish_one(self, value: float) -> None:
         """Publish the next sample."""
-        self._write_numbers(self.next_index, self._period_s, value)
-        self._publish(self._message)
-        self.next_index += 1
-        self.newest = value
+        index = self.next_index
+        self._write_numbers(index, self._period_s, value)
+        self.outlet.publish(self.message, index)
+        self.next_index = index + 1
+        copy = self.copy
+        if copy:
+            copy.recent[index % copy.recent.size] = value
+            if index + 1 == copy.due:
+                copy.flush(index + 1)
 
     def publish(self, values: Sequence[float] | NDArray[np.float64]) -> None:
         """Publish the next samples as one block."""
-        self._publish(self._codec.encode(self.next_index, self._period_s, values))
+        raw = self._codec.encode(self.next_index, self._period_s, values)
+        self.outlet.publish(raw, self.next_index)
+        if self.copy:
+            self.copy.pass_on(raw, self.next_index, len(values))
         self.next_index += len(values)
-        self.newest = float(values[-1])
+        self._write_numbers(self.next_index - 1, self._period_s, values[-1])
+
+    def flush(self) -> None:
+        """Send what the copy has collected."""
+        if self.copy:
+            self.copy.flush(self.next_index)
 
     def end(self) -> None:
         """Publish the end of the stream, once."""
         if not self._ended:
             self._ended = True
-            self._publish(self._codec.encode(self.next_index, self._period_s, []))
-
-    def _publish(self, raw: bytes | bytearray) -> None:
-        try:
-            self._publish_raw(raw)
-        except _rclpy.RCLError:
-            # A reader that does not take makes publishing fail after 0.1 s.
-            self._publish_patiently(raw)
-
-    def _publish_patiently(self, raw: bytes | bytearray) -> None:
-        """Wait for a reader, dropping nothing, unless the stage shall stop."""
-        warn_at = time.monotonic() + _PATIENCE_S
-        while not self._stage.stop_requested:
-            now = time.monotonic()
-            if now >= warn_at:
-                warn_at = now + _WARN_S
-                self.is_waiting = True
-                self._stage.get_logger().warning(
-                    f'{self.publisher.topic_name} waits at sample {self.next_index} for a reader '
-                    f'that does not take its messages: {self._reader_names()}')
-            try:
-                self._publish_raw(raw)
-                break
-            except _rclpy.RCLError:
-                pass
-        self.is_waiting = False
-
-    def _reader_names(self) -> str:
-        """Return the nodes that read; the middleware does not tell which one is behind."""
-        names = sorted({
-            f'{endpoint.node_namespace.rstrip("/")}/{endpoint.node_name}'
-            for endpoint in self._stage.get_subscriptions_info_by_topic(self.publisher.topic_name)
-            if endpoint.qos_profile.reliability == ReliabilityPolicy.RELIABLE})
-        return ' or '.join(names) or 'of unknown name'
+            raw = self._codec.encode(self.next_index, self._period_s, [])
+            self.outlet.publish(raw, self.next_index)
+            if self.copy:
+                self.copy.pass_on(raw, self.next_index, 0)
 
 
 class StreamReader:
     """Subscription of one stream; hands out blocks in order, counts what it refuses."""
 
-    def __init__(self, stage: 'Stage', stream: str) -> None:
+    def __init__(self, stage: 'Stage', stream: str, topic: str = '') -> None:
         self.stream = stream
-        self.subscription = stage.create_stream_subscription(Float64MultiArray, stream, STREAM)
+        self.subscription = stage.create_stream_subscription(
+            Float64MultiArray, topic or stream, STREAM)
         self.queue: deque[float] = deque()
         self.refused = 0
         self.gaps = 0
@@ -147,9 +161,8 @@ class StreamReader:
         self.ended = False
         self.raw = b''  # the newest message, nothing where there was none
         self._stage = stage
-        codec = BlockCodec(stream)
-        self._decode = codec.decode
-        self._single_head, numbers = codec.single
+        self._codec = BlockCodec(stream)
+        self._single_head, numbers = self._codec.single
         self._single_size = len(self._single_head) + numbers.size
         self._unpack_single = struct.Struct(f'<{len(self._single_head)}s3d').unpack
         self._take_message = self.subscription.handle.take_message
@@ -182,6 +195,11 @@ class StreamReader:
         self._period_s = sample_period_s
         self._fast_period_s = math.nan  # whatever comes first is looked at closely
         self._lost_at_s = None
+
+    @property
+    def example(self) -> bytes:
+        """One sample alone, as the hot path takes it."""
+        return self._codec.encode_one(0, self._period_s or 0.0, 0.0)
 
     @property
     def received(self) -> int:
@@ -233,28 +251,38 @@ class StreamReader:
 
     def take_other(self) -> tuple[float, ...] | None:
         """Do what `take` does with the message that `take_one` was not content with."""
+        samples = self.take_rest()
+        return None if samples is None else tuple(samples.tolist())
+
+    def take_array(self) -> NDArray[np.float64] | None:
+        """Do what `take` does, with an array."""
+        taken = self._take_message(Float64MultiArray, True)
+        self.raw = b'' if taken is None else taken[0]
+        return self.take_rest()
+
+    def take_rest(self) -> NDArray[np.float64] | None:
+        """Do as `take_other`, with an array; quicker for long blocks."""
         if not self.raw:
             return None
-        raw = self.raw
         try:
-            index, period_s, samples = self._decode_any(raw)
+            index, period_s, samples = self._decode(self.raw)
         except MalformedBlockError as error:
             self._refuse(str(error))
             return None
         if index != self.next_index or period_s != self._period_s or self.ended:
             if not self._accept_other(index, period_s):
                 return None
-        if samples:
-            self.next_index += len(samples)
+        if samples.size:
+            self.next_index += samples.size
             self._fast_period_s = period_s
         else:
             self.ended = True
             self._fast_period_s = math.nan
         return samples
 
-    def _decode_any(self, raw: bytes) -> Block:
+    def _decode(self, raw: bytes) -> ArrayBlock:
         try:
-            return self._decode(raw)
+            return self._codec.decode_array(raw)
         except OtherEncodingError:
             # Some middleware writes another encoding; rclpy knows how to read it.
             message = deserialize_message(raw, Float64MultiArray)

@@ -1,0 +1,80 @@
+"""A publisher that drops nothing: it waits for a reader that does not take, and says so."""
+
+import time
+from typing import TYPE_CHECKING, Any
+
+from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
+from rclpy.qos import ReliabilityPolicy
+from std_msgs.msg import Float64MultiArray
+
+from piezo_ros.nodes.qos import STREAM, overridable
+
+if TYPE_CHECKING:
+    from piezo_ros.nodes.stage import Stage
+
+__all__ = ['Outlet']
+
+_WARN_S = 2.0  # a warning of one kind at most this often
+_PATIENCE_S = 1.0  # for a reader that is merely slow, as a recorder may be
+
+
+class Outlet:
+    """
+    Publisher of serialized blocks.
+
+    Parameters
+    ----------
+    stage : Stage
+        Whose node publishes.
+    topic : str
+        Relative name.
+
+    Attributes
+    ----------
+    publisher : Publisher
+        The publisher of rclpy.
+    is_waiting : bool
+        Whether a reader has not taken for so long that it was warned of.
+
+    """
+
+    def __init__(self, stage: 'Stage', topic: str) -> None:
+        self.publisher = stage.create_publisher(Float64MultiArray, topic, **overridable(STREAM))
+        self.is_waiting = False
+        self._stage = stage
+        # It takes a bytearray as well, whatever its types say.
+        self.publish_raw: Any = self.publisher.handle.publish_raw
+
+    def publish(self, raw: bytes | bytearray, index: int) -> None:
+        """Publish a block; ``index`` of its first sample is for the warning."""
+        try:
+            self.publish_raw(raw)
+        except _rclpy.RCLError:
+            # A reader that does not take makes publishing fail after 0.1 s.
+            self.publish_patiently(raw, index)
+
+    def publish_patiently(self, raw: bytes | bytearray, index: int) -> None:
+        """Wait for a reader, dropping nothing, unless the stage shall stop."""
+        warn_at = time.monotonic() + _PATIENCE_S
+        while not self._stage.stop_requested:
+            now = time.monotonic()
+            if now >= warn_at:
+                warn_at = now + _WARN_S
+                self.is_waiting = True
+                self._stage.get_logger().warning(
+                    f'{self.publisher.topic_name} waits at sample {index} for a reader that does '
+                    f'not take its messages: {self._reader_names()}')
+            try:
+                self.publish_raw(raw)
+                break
+            except _rclpy.RCLError:
+                pass
+        self.is_waiting = False
+
+    def _reader_names(self) -> str:
+        """Return the nodes that read; the middleware does not tell which one is behind."""
+        names = sorted({
+            f'{endpoint.node_namespace.rstrip("/")}/{endpoint.node_name}'
+            for endpoint in self._stage.get_subscriptions_info_by_topic(self.publisher.topic_name)
+            if endpoint.qos_profile.reliability == ReliabilityPolicy.RELIABLE})
+        return ' or '.join(names) or 'of unknown name'

@@ -1,0 +1,76 @@
+"""The quick way from a stream to the one that answers it, one sample at a time."""
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import numpy as np
+from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
+from std_msgs.msg import Float64MultiArray
+
+from piezo_ros.model.compiled import direct
+from piezo_ros.nodes.streams import StreamReader, StreamWriter
+
+__all__ = ['Relay']
+
+
+class Relay:
+    """
+    Answers single samples from message to message in one compiled call.
+
+    Parameters
+    ----------
+    reader, writer : StreamReader, StreamWriter
+        The streams.
+    kernel : callable
+        One of `piezo_ros.bag.relay_kernels`.
+    other : callable
+        Does what is to be done with any other message, which `StreamReader.take_other` hands out;
+        returns whether there was anything.
+
+    """
+
+    def __init__(
+        self, reader: StreamReader, writer: StreamWriter, kernel: Any, other: Callable[[], bool],
+    ) -> None:
+        self._reader = reader
+        self._writer = writer
+        self._kernel = kernel
+        self._other = other
+        self._take_message = reader.subscription.handle.take_message
+        self._outlet = writer.outlet
+        self._publish_raw = writer.outlet.publish_raw
+        self._message = writer.message
+        self._copy = writer.copy
+        self._entry: Any = None
+        self._templates = (
+            np.frombuffer(reader.example, np.uint8), np.frombuffer(writer.message, np.uint8),
+            writer.copy.recent if writer.copy else np.zeros(1))
+
+    def bind(self, *operands: Any) -> None:
+        """Give the kernel its operands, those before the messages."""
+        arguments = (*operands, *self._templates)
+        self._entry = self._entry or direct(self._kernel, *arguments, b'', 0, 0)
+        self._answer = partial(self._entry, *arguments)
+
+    def poll(self) -> bool:
+        """Answer one message; return whether there was anything."""
+        taken = self._take_message(Float64MultiArray, True)
+        if taken is None:
+            return False
+        raw = taken[0]
+        reader, writer = self._reader, self._writer
+        index = writer.next_index
+        if self._answer(raw, reader.next_index, index):
+            try:
+                self._publish_raw(self._message)
+            except _rclpy.RCLError:
+                self._outlet.publish_patiently(self._message, index)
+            reader.next_index += 1
+            writer.next_index = index = index + 1
+            copy = self._copy
+            if copy and index == copy.due:
+                copy.flush(index)
+            return True
+        reader.raw = raw
+        return self._other()
