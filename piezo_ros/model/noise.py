@@ -70,14 +70,11 @@ class NoiseSource:
 
     def block(self, start: int, count: int) -> NDArray[np.float64]:
         """Return the noise of consecutive samples, as `unit_noise` does."""
-        if not self._window[0] <= start <= self._window[0] + self._window[1].size:
-            self._window = self.window(start)
         parts = []
-        while count:
+        while count > 0:
             first, values = self._window
-            part = values[start - first:start - first + count]
-            parts.append(part)
-            start, count = start + part.size, count - part.size
-            if count:
-                self._window = self.window(start)
-        return parts[0] if len(parts) == 1 else np.concatenate(parts)
+            if not first <= start < first + values.size:
+                self._window = first, values = self.window(start)
+            parts.append(values[start - first:start - first + count])
+            start, count = start + parts[-1].size, count - parts[-1].size
+        return parts[0] if len(parts) == 1 else np.concatenate([np.empty(0), *parts])
