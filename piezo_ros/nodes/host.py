@@ -23,7 +23,6 @@ _HOUSEKEEPING_S = 0.05
 _TURNS = 16  # of the stages in which others wait, between two looks at all the rest
 _YIELD_S = 0.02  # how long an empty loop only yields before it sleeps
 _SHORT_SLEEP_S = 0.001
-_LONG_SLEEP_S = 0.01
 _ACKNOWLEDGE_S = 5.0  # how long the readers, of which one may be dead, have for the last messages
 _DISCOVER_S = 1.0  # how long a supervisor has to discover a process that it ends so soon
 _FLOW = ('controller', 'compensator', 'plant')
@@ -34,6 +33,7 @@ class _Stop:
 
     def __init__(self) -> None:
         self.signal_number = 0
+        self.wake = threading.Event()
         self.stages: list[Stage] = []
 
     def __call__(self, signal_number: int, _frame: FrameType | None) -> None:
@@ -87,6 +87,8 @@ def _serve(make_stages: Callable[[], Sequence[Stage]], stop: _Stop) -> int:
         print(error, file=sys.stderr)
         return 1
     stop.stages = stages
+    for stage in stages:
+        stage.wake = stop.wake.set
     for stage in stages:
         executor.add_node(stage)
     closing = threading.Event()
@@ -150,8 +152,11 @@ def _stream_loop(stages: Sequence[Stage], stop: _Stop) -> None:
         if progress:
             idle_since = now
         elif now - idle_since > _YIELD_S or not waited_for:
-            active = any(stage.running for stage in stages)
-            time.sleep(_SHORT_SLEEP_S if active else _LONG_SLEEP_S)
+            if any(stage.running for stage in stages):
+                time.sleep(_SHORT_SLEEP_S)
+            else:
+                stop.wake.wait(_HOUSEKEEPING_S)
+                stop.wake.clear()
         if now >= next_housekeeping:
             next_housekeeping = now + _HOUSEKEEPING_S
             for stage in stages:

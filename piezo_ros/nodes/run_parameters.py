@@ -39,20 +39,23 @@ def run_parameters(
 
     """
     # The stages stay until the recorder has all it wants of them.
+    # Without feedback from a controller the streams come in long blocks as they are.
+    copies = record and not planned.bare
     common = {
-        'required_readers': 1, 'recorded_block_samples': _RECORDED_BLOCK_SAMPLES if record else 0,
+        'required_readers': 2 if record else 1,
+        'recorded_block_samples': _RECORDED_BLOCK_SAMPLES if copies else 0,
         'linger_s': -1.0, 'compiled': compiled}
     sections = {stage: {**planned.parameters[stage], **common} for stage in planned.stages}
     # Every run of a plan is one of its own, whichever process does it.
     sections['plant']['keep_state'] = False
-    # Without a controller the plant demands, and nobody but a recorder wants its displacement.
+    # Without a controller the plant demands, and only the recorder reads its displacement.
     sections['plant']['demand_lookahead_samples'] = _BARE_LOOKAHEAD if planned.bare else 0
     if planned.bare:
-        sections['plant']['required_readers'] = 0
+        sections['plant']['required_readers'] = int(record)
     if record:
         sections = {'recorder': {
             'streams': 'voltage,displacement' if planned.bare else ','.join(STREAMS),
-            'bag_directory': str(bag.absolute()), 'from_copies': True,
+            'bag_directory': str(bag.absolute()), 'from_copies': copies,
             'linger_s': 0.0 if autostart else -1.0,
             'parameters_timeout_s': _PARAMETERS_TIMEOUT_S,
             'sample_period_s': planned.trajectory.sample_period_s}, **sections}

@@ -79,6 +79,7 @@ class Stage(LifecycleNode):
         self.activity = 'unconfigured'
         self.result = ''  # how the newest run ended
         self.reason = ''
+        self.wake: Callable[[], None] = lambda: None  # the stream loop, when nothing is running
         # What the stream loop calls: `poll`, or a quicker way that ends in it.
         self.quick: Callable[[], bool] = self.poll
         self.readers: dict[str, StreamReader] = {}
@@ -407,6 +408,7 @@ class Stage(LifecycleNode):
             return
         self._request_done.clear()
         self._request = action
+        self.wake()
         self._request_done.wait()
 
     def finish(self) -> None:
@@ -520,13 +522,13 @@ class Stage(LifecycleNode):
                         f'{reader.subscription.topic_name} has {writers} writers, exactly one is '
                         'needed')
             for writer in self.writers.values():
-                # A copy is for one recorder.
-                needed = [self.settings.required_readers, 1]
-                for publisher, number in zip(writer.publishers, needed, strict=False):
-                    readers = publisher.get_subscription_count()
-                    if readers < number:
-                        problem = (
-                            f'{publisher.topic_name} has {readers} readers, {number} are needed')
+                # A recorder reads the stream or its copy.
+                readers = sum(
+                    publisher.get_subscription_count() for publisher in writer.publishers)
+                if readers < self.settings.required_readers:
+                    problem = (
+                        f'{writer.publisher.topic_name} has {readers} readers, '
+                        f'{self.settings.required_readers} are needed')
             problem = problem or self.missing_peers()
             if not problem:
                 return ''
