@@ -26,6 +26,7 @@ from piezo_ros.nodes.supervisor import Supervisor, stopped_by
 
 __all__ = ['GraphRunner']
 
+_WORTH_COMPILING_SAMPLES: Final = 200_000  # a second's work of Python steps
 _LAST_STATUS_S: Final = 5.0  # how long to wait for it once all is recorded
 
 
@@ -106,7 +107,8 @@ class GraphRunner(Supervisor):
     def _parameter_files(self, planned: PlannedRun, bag: Path) -> list[str]:
         """Write the parameter file of the run and return the arguments that load it."""
         sections = run_parameters(
-            planned, bag, record=self._record, compiled=self._composed, autostart=True)
+            planned, bag, record=self._record, compiled=self._composed or _is_long(planned),
+            autostart=True)
         path = self._directory / 'parameters' / f'{planned.name}.yaml'
         path.parent.mkdir(exist_ok=True)
         path.write_text(yaml.safe_dump({
@@ -139,6 +141,16 @@ class GraphRunner(Supervisor):
             problems.append(f'logs: {logs}')
             raise CampaignError('; '.join([*problems, *notes]))
         return RunResult(run.wall_seconds, tuple(notes))
+
+
+def _is_long(planned: PlannedRun) -> bool:
+    """
+    Return whether compiled stages make up for their start in processes of their own.
+
+    With feedback the messages take the time, not what is computed.
+    """
+    follows_blocks = planned.bare or not planned.controller.uses_feedback
+    return follows_blocks and planned.trajectory.samples > _WORTH_COMPILING_SAMPLES
 
 
 class _LiveRun:

@@ -25,6 +25,7 @@ _COMPOSED_PERIODS: Final = 120.0
 _SEPARATE_PERIODS: Final = 60.0
 _BLOCK_PERIODS: Final = 3000.0
 _BLOCK_SAMPLES: Final = 1000
+_BLOCK_ROUNDS: Final = 5000
 _LOOKAHEAD_BLOCKS: Final = 10  # in flight
 _SHORT_PERIODS: Final = 1.0
 _ENDLESS_PERIODS: Final = 1e6
@@ -74,6 +75,10 @@ def _other_ring(transport: str) -> tuple[float]:
     return (float(outputs[0][0]),)
 
 
+def _ring_blocks(*, composed: bool) -> tuple[float]:
+    return (ring_rate(_BLOCK_ROUNDS, composed=composed, block_samples=_BLOCK_SAMPLES),)
+
+
 def _graph_blocks(*, composed: bool) -> tuple[float]:
     planned = _planned(
         controller={'scheme': 'ff', 'lookahead_samples': _LOOKAHEAD_BLOCKS * _BLOCK_SAMPLES},
@@ -116,8 +121,9 @@ LIVE: Final = (
       for transport in TRANSPORTS),
     *(Measurement(
         'blocks',
-        (Quantity(f'graph_blocks_{label}', 'samples/s', higher_is_better=True),),
-        partial(_graph_blocks, composed=composed))
+        (Quantity(f'{what}_blocks_{label}', 'samples/s', higher_is_better=True),),
+        partial(measure, composed=composed))
+      for what, measure in (('ring', _ring_blocks), ('graph', _graph_blocks))
       for label, composed in (('composed', True), ('separate', False))),
     Measurement(
         'footprint',
@@ -139,5 +145,8 @@ LIVE_RATIOS: Final = (
           higher_is_better=True),
     Ratio('separate_over_cyclone_ring', 'graph_separate', 'ring_cyclone', higher_is_better=True),
     Ratio('separate_over_socket_ring', 'graph_separate', 'ring_socket', higher_is_better=True),
+    *(Ratio(f'blocks_{label}_over_ring', f'graph_blocks_{label}', f'ring_blocks_{label}',
+            higher_is_better=True)
+      for label in ('composed', 'separate')),
     Ratio('start_four_over_python_start', 'start_four', 'python_start', higher_is_better=False),
 )

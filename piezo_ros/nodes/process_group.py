@@ -53,10 +53,6 @@ class ProcessGroup:
         """Return whether one executable runs."""
         return self._processes[name].poll() is None
 
-    def numbers(self) -> list[int]:
-        """Return the process numbers, in the order of the starts."""
-        return [process.pid for process in self._processes.values()]
-
     def going(self) -> bool:
         """Return whether any process runs."""
         return any(process.poll() is None for process in self._processes.values())
