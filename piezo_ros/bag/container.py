@@ -34,6 +34,7 @@ _LOOSE_BYTES: Final = 1 << 20  # messages outside chunks are handed on in pieces
 _CHANNEL_OFFSET: Final = 9
 # Chunks are decompressed ahead in threads, which hold no lock meanwhile.
 _THREADS: Final = max(1, min(4, (os.cpu_count() or 1) - 1))
+_AHEAD_PIECES: Final = 4
 _AHEAD_BYTES: Final = 64 << 20
 _read_head = struct.Struct('<BQ').unpack
 _read_chunk_head = struct.Struct('<QQQII').unpack_from
@@ -150,7 +151,7 @@ class McapFile:
         with ThreadPoolExecutor(_THREADS) as threads:
             for raw in self._raw_pieces(file, size, wanted):
                 ahead.append((len(raw.body), self._prepared(threads, raw)))
-                while len(ahead) > _THREADS + 1 or sum(held for held, _ in ahead) > _AHEAD_BYTES:
+                while len(ahead) > _AHEAD_PIECES or sum(held for held, _ in ahead) > _AHEAD_BYTES:
                     yield from self._taken(ahead)
             while ahead:
                 yield from self._taken(ahead)
