@@ -25,6 +25,7 @@ __all__ = ['Footprint', 'footprint', 'service_latency_ms', 'start_beside_peers_s
 
 _PATIENCE_S: Final = 60.0
 _IDLE_S: Final = 3.0
+_SETTLE_S: Final = 1.0
 _CALLS: Final = 100
 _CALL_PATIENCE_S: Final = 5.0
 _PERCENTILES: Final = 20  # the last of them is the 95th
@@ -106,6 +107,8 @@ class _Graph(Supervisor):
         client: Any = self._node.create_client(
             GetParameters, f'{self._namespace}/{node}/get_parameters')
         self.wait(client.service_is_ready, f'the parameters of {node}')
+        # A server that has not discovered its client throws the answer away.
+        time.sleep(_SETTLE_S)
         seconds = []
         for _ in range(calls):
             start = time.perf_counter()

@@ -23,7 +23,7 @@ __all__ = ['LIVE', 'LIVE_RATIOS']
 
 _COMPOSED_PERIODS: Final = 120.0
 _SEPARATE_PERIODS: Final = 60.0
-_BLOCK_PERIODS: Final = 3000.0
+_BLOCK_PERIODS: Final = 15_000.0
 _BLOCK_SAMPLES: Final = 1000
 _BLOCK_ROUNDS: Final = 5000
 _LOOKAHEAD_BLOCKS: Final = 10  # in flight
@@ -76,7 +76,9 @@ def _other_ring(transport: str) -> tuple[float]:
 
 
 def _ring_blocks(*, composed: bool) -> tuple[float]:
-    return (ring_rate(_BLOCK_ROUNDS, composed=composed, block_samples=_BLOCK_SAMPLES),)
+    return (ring_rate(
+        _BLOCK_ROUNDS, composed=composed, block_samples=_BLOCK_SAMPLES,
+        blocks_in_flight=_LOOKAHEAD_BLOCKS),)
 
 
 def _graph_blocks(*, composed: bool) -> tuple[float]:

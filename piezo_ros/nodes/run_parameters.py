@@ -28,7 +28,7 @@ def run_parameters(
     record : bool
         Whether a recorder takes part.
     compiled : bool
-        Whether the stages compute in compiled code.
+        Whether all stages compute in compiled code; else those of which the plan says so.
     autostart : bool
         Whether the nodes bring themselves up; where not, they have been told at their start.
 
@@ -44,8 +44,10 @@ def run_parameters(
     common = {
         'required_readers': 2 if record else 1,
         'recorded_block_samples': _RECORDED_BLOCK_SAMPLES if copies else 0,
-        'linger_s': -1.0, 'compiled': compiled}
+        'linger_s': -1.0}
     sections = {stage: {**planned.parameters[stage], **common} for stage in planned.stages}
+    for values in sections.values():
+        values['compiled'] |= compiled
     # Every run of a plan is one of its own, whichever process does it.
     sections['plant']['keep_state'] = False
     # Without a controller the plant demands, and only the recorder reads its displacement.
