@@ -22,6 +22,7 @@ __all__ = ['host']
 _HOUSEKEEPING_S = 0.05
 _TURNS = 16  # of the stages in which others wait, between two looks at all the rest
 _YIELD_S = 0.02  # how long an empty loop only yields before it sleeps
+_FOLLOW_S = 0.001  # how long a trajectory does so: blocks without feedback are quickly used up
 _SHORT_SLEEP_S = 0.001
 _ACKNOWLEDGE_S = 5.0  # how long the readers, of which one may be dead, have for the last messages
 _DISCOVER_S = 1.0  # how long a supervisor has to discover a process that it ends so soon
@@ -141,6 +142,7 @@ def _stream_loop(stages: Sequence[Stage], stop: _Stop) -> None:
     # In the direction of flow, so that each finds what the one before has just sent.
     urgent = sorted((stage for stage in stages if stage.urgent), key=_place_in_flow)
     others = [stage for stage in stages if not stage.urgent]
+    follows = any(not stage.in_bursts for stage in others)
     next_housekeeping = idle_since = time.monotonic()
     while not stop.signal_number:
         for stage in stages:
@@ -151,6 +153,8 @@ def _stream_loop(stages: Sequence[Stage], stop: _Stop) -> None:
         now = time.monotonic()
         if progress:
             idle_since = now
+        elif follows and not waited_for and now - idle_since < _FOLLOW_S:
+            os.sched_yield()
         elif now - idle_since > _YIELD_S or not waited_for:
             if any(stage.running for stage in stages):
                 time.sleep(_SHORT_SLEEP_S)

@@ -30,6 +30,7 @@ class Recorder(Stage):
     """Writes what arrives; closes the bag when every stream has ended."""
 
     urgent = False
+    in_bursts = True
 
     def __init__(self, *, compiled: bool = False) -> None:
         self._bag: BagWriter | None = None

@@ -55,6 +55,8 @@ class Stage(LifecycleNode):
     outputs: tuple[str, ...] = ()
     # Whether others wait for its next message, so that it shall look for its input all the time.
     urgent = True
+    # Whether a stage that is not urgent had better let its input pile up.
+    in_bursts = False
     # The counts whose growth the diagnostics warn of.
     troubles: tuple[str, ...] = ('refused_messages', 'gaps')
 
