@@ -21,7 +21,8 @@ from piezo_ros.nodes.demand import DemandWriter
 from piezo_ros.nodes.pace import Pace
 from piezo_ros.nodes.parameters import read
 from piezo_ros.nodes.simulated_clock import SimulatedClock
-from piezo_ros.nodes.stage import ServiceRefusedError, Stage
+from piezo_ros.nodes.stage import Stage
+from piezo_ros.nodes.stream_node import ServiceRefusedError
 from piezo_ros.nodes.streams import StreamFault, StreamReader
 
 if TYPE_CHECKING:

@@ -1,44 +1,35 @@
 """
-What all stages of the loop have in common: lifecycle, handshake, status, end and faults.
+What all stages of the loop have in common: lifecycle, parameters, status, end and faults.
 
-A stage is a managed node. Its streams are served by the stream loop of the process
-(`piezo_ros.nodes.host`), everything else (parameters, services) by an executor in another thread;
-what that thread wants of a running stage is done by the stream loop between two samples.
+Its streams are served by the stream loop of the process (`piezo_ros.nodes.host`), everything else
+by an executor in another thread, see `piezo_ros.nodes.stream_node`.
 """
 
 import json
-import threading
 import time
 import traceback
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
-from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
-from rclpy.publisher import Publisher
-from rclpy.qos import QoSProfile
-from rclpy.subscription import Subscription
 from std_msgs.msg import String
-from std_srvs.srv import Trigger
 
 from piezo_ros.experiment.node_parameters import NODE_PARAMETERS, StageParameters
+from piezo_ros.nodes.handshake import await_peers
 from piezo_ros.nodes.observation import Diagnostics, Monitor
 from piezo_ros.nodes.parameters import declare, fixed_during_run, plain, read
-from piezo_ros.nodes.qos import LATCHED, overridable
+from piezo_ros.nodes.qos import LATCHED
+from piezo_ros.nodes.stream_node import ServiceRefusedError, StreamNode
 from piezo_ros.nodes.streams import StreamFault, StreamReader, StreamWriter
 
-__all__ = ['ServiceRefusedError', 'Stage']
+__all__ = ['Stage']
 
 _CHECK_PEERS_S = 0.25
 _REPORT_S = 1.0
-_TELL_WAITING_S = 3.0
 
 
-class ServiceRefusedError(Exception):
-    """What a service was asked for does not go now; the text says why."""
-
-
-class Stage(LifecycleNode):
+class Stage(StreamNode):
     """
     A managed node with block streams.
 
@@ -61,9 +52,6 @@ class Stage(LifecycleNode):
     troubles: tuple[str, ...] = ('refused_messages', 'gaps')
 
     def __init__(self, name: str, *, compiled: bool = False) -> None:
-        self._stream_subscriptions: set[Subscription[Any]] = set()
-        self._own_subscriptions: list[Subscription[Any]] = []
-        self._own_publishers: list[Publisher[Any]] = []
         super().__init__(
             name, parameter_overrides=[Parameter('compiled', value=True)] if compiled else [])
         self._fixed = fixed_during_run(*NODE_PARAMETERS[name])
@@ -81,7 +69,6 @@ class Stage(LifecycleNode):
         self.activity = 'unconfigured'
         self.result = ''  # how the newest run ended
         self.reason = ''
-        self.wake: Callable[[], None] = lambda: None  # the stream loop, when nothing is running
         # What the stream loop calls: `poll`, or a quicker way that ends in it.
         self.quick: Callable[[], bool] = self.poll
         self.readers: dict[str, StreamReader] = {}
@@ -89,9 +76,6 @@ class Stage(LifecycleNode):
         self._status = self.create_publisher(String, 'status', LATCHED)
         self._next_check = 0.0
         self._next_report = 0.0
-        self._thread = threading.get_ident()
-        self._request: Callable[[], None] | None = None
-        self._request_done = threading.Event()
         self._monitor = Monitor(self)
         self._diagnostics = Diagnostics(self)
         self.create_trigger('reset', self.reset)
@@ -146,6 +130,10 @@ class Stage(LifecycleNode):
         """Return the inputs that must have a writer before the run starts."""
         return self.inputs
 
+    def missing_peers(self) -> str:
+        """Return what else is missing before the run can start, '' for nothing."""
+        return ''
+
     # -- lifecycle --------------------------------------------------------------------------------
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -194,7 +182,7 @@ class Stage(LifecycleNode):
             self._take_changed_parameters()
         except Exception as error:  # rclpy would swallow it.
             return self._refuse('activate', error)
-        missing = self._await_peers()
+        missing = await_peers(self)
         if missing:
             return self._refuse('activate', missing)
         problem: list[Exception] = []
@@ -259,18 +247,12 @@ class Stage(LifecycleNode):
         self.is_configured = False
         self._monitor.run_at(0.0)
         for reader in self.readers.values():
-            self._stream_subscriptions.discard(reader.subscription)
-            self.destroy_subscription(reader.subscription)
+            self.destroy_stream_subscription(reader.subscription)
         for writer in self.writers.values():
             for publisher in writer.publishers:
                 self.destroy_publisher(publisher)
         self.readers, self.writers = {}, {}
-        for subscription in self._own_subscriptions:
-            self._stream_subscriptions.discard(subscription)
-            self.destroy_subscription(subscription)
-        for publisher in self._own_publishers:
-            self.destroy_publisher(publisher)
-        self._own_subscriptions, self._own_publishers = [], []
+        self.destroy_own_endpoints()
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
         """End the run, and the process with it unless other stages live there."""
@@ -280,30 +262,6 @@ class Stage(LifecycleNode):
         return TransitionCallbackReturn.SUCCESS
 
     # -- services and parameters ------------------------------------------------------------------
-
-    def create_trigger(self, name: str, action: Callable[[], str]) -> None:
-        """
-        Offer a service that takes no arguments.
-
-        Parameters
-        ----------
-        name : str
-            Name of the service below the node's own.
-        action : callable
-            Called in the executor; what it returns is told as it is, what it raises as a refusal.
-
-        """
-        def serve(_request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-            try:
-                response.message = action()
-                response.success = True
-            except Exception as error:
-                response.message = str(error)
-                if not isinstance(error, ServiceRefusedError):
-                    self.get_logger().error(traceback.format_exc())
-            return response
-
-        self.create_service(Trigger, f'~/{name}', serve)
 
     def reset(self) -> str:
         """Clear a latched fault, so that the next activation is allowed."""
@@ -349,16 +307,6 @@ class Stage(LifecycleNode):
 
     # -- stream loop ------------------------------------------------------------------------------
 
-    def serve_request(self) -> None:
-        """Do what the executor wants done between two samples, if anything."""
-        if self._request is None:
-            return
-        request, self._request = self._request, None
-        try:
-            request()
-        finally:
-            self._request_done.set()
-
     def break_off(self, error: Exception) -> None:
         """End the run for whatever `poll` has raised."""
         if isinstance(error, StreamFault):
@@ -402,16 +350,6 @@ class Stage(LifecycleNode):
         """Give the outputs the index that an input has begun at (``start_index`` -1)."""
         for writer in self.writers.values():
             writer.begin_at(index)
-
-    def between_samples(self, action: Callable[[], None]) -> None:
-        """Let the stream loop run an action between two samples, and wait for it."""
-        if threading.get_ident() == self._thread:
-            action()
-            return
-        self._request_done.clear()
-        self._request = action
-        self.wake()
-        self._request_done.wait()
 
     def finish(self) -> None:
         """End the run well: pass the end on, come to rest, report."""
@@ -476,76 +414,7 @@ class Stage(LifecycleNode):
             left_s = max(deadline - time.monotonic(), 0.01)
             publisher.wait_for_all_acked(Duration(seconds=left_s))
 
-    # -- endpoints and status ---------------------------------------------------------------------
-
-    def create_own_publisher(
-        self, message_type: Any, topic: str, qos: QoSProfile,
-    ) -> Publisher[Any]:
-        """Create a publisher beside the streams; it goes when the stage is cleaned up."""
-        publisher = self.create_publisher(message_type, topic, **overridable(qos))
-        self._own_publishers.append(publisher)
-        return publisher
-
-    def create_own_subscription(
-        self, message_type: Any, topic: str, qos: QoSProfile,
-    ) -> Subscription[Any]:
-        """Create a subscription beside the streams; it goes when the stage is cleaned up."""
-        subscription = self.create_stream_subscription(message_type, topic, qos)
-        self._own_subscriptions.append(subscription)
-        return subscription
-
-    def create_stream_subscription(
-        self, message_type: Any, topic: str, qos: QoSProfile,
-    ) -> Subscription[Any]:
-        """Create a subscription that the stream loop takes from, hidden from the executor."""
-        subscription = self.create_subscription(
-            message_type, topic, callback=_never_called, **overridable(qos))
-        self._stream_subscriptions.add(subscription)
-        return subscription
-
-    @property
-    def subscriptions(self) -> Iterator[Subscription[Any]]:
-        """The subscriptions that an executor shall serve: not those of the streams."""
-        for subscription in super().subscriptions:
-            if subscription not in self._stream_subscriptions:
-                yield subscription
-
-    def _await_peers(self) -> str:
-        """Return '' once every stream has its peers, else what is missing."""
-        deadline = time.monotonic() + self.settings.handshake_timeout_s
-        required = self.required_inputs()
-        tell_at = time.monotonic() + _TELL_WAITING_S
-        while True:
-            problem = ''
-            for stream, reader in self.readers.items():
-                writers = reader.subscription.get_publisher_count()
-                if stream in required and writers != 1:
-                    problem = (
-                        f'{reader.subscription.topic_name} has {writers} writers, exactly one is '
-                        'needed')
-            for writer in self.writers.values():
-                # A recorder reads the stream or its copy.
-                readers = sum(
-                    publisher.get_subscription_count() for publisher in writer.publishers)
-                if readers < self.settings.required_readers:
-                    problem = (
-                        f'{writer.publisher.topic_name} has {readers} readers, '
-                        f'{self.settings.required_readers} are needed')
-            problem = problem or self.missing_peers()
-            if not problem:
-                return ''
-            if self.stop_requested:
-                return 'stopped while waiting for the peers'
-            if time.monotonic() > tell_at:
-                tell_at += _TELL_WAITING_S
-                self.get_logger().info(f'waiting: {problem}')
-            if time.monotonic() > deadline:
-                return f'{problem} after {self.settings.handshake_timeout_s:g} s'
-            time.sleep(0.005)
-
-    def missing_peers(self) -> str:
-        """Return what else is missing before the run can start, '' for nothing."""
-        return ''
+    # -- status -----------------------------------------------------------------------------------
 
     def _report(self, activity: str) -> None:
         self.activity = activity
@@ -567,7 +436,3 @@ class Stage(LifecycleNode):
         if fields['total']:
             fields['progress'] = fields['index'] / fields['total']
         self._status.publish(String(data=json.dumps(fields)))
-
-
-def _never_called(_message: Any) -> None:
-    """Stand in for the callback that rclpy wants; the stream loop takes the messages itself."""
