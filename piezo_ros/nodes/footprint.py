@@ -66,8 +66,8 @@ class _Graph(Supervisor):
     def __enter__(self) -> '_Graph':
         super().__enter__()
         sections = run_parameters(
-            self._planned, self._directory / 'bag', record=False, compiled=self._composed,
-            autostart=True)
+            self._planned, self._directory / 'bag', record=False, autostart=True,
+            compiled=self._planned.stages if self._composed else ())
         self._file = self._directory / 'parameters.yaml'
         self._file.write_text(yaml.safe_dump({
             f'{self._namespace}/{node}': {'ros__parameters': dict(values)}

@@ -8,7 +8,7 @@ even when this process is killed.
 import json
 import signal
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import Any, Final
 
@@ -26,7 +26,10 @@ from piezo_ros.nodes.supervisor import Supervisor, stopped_by
 
 __all__ = ['GraphRunner']
 
-_WORTH_COMPILING_SAMPLES: Final = 200_000  # a second's work of Python steps
+# How long a run must be for compiled steps to make up for the compiler's start: without feedback a
+# second's work of Python steps; with it, what the loop waits for the plant, whose step is longest.
+_WORTH_COMPILING_BLOCKS: Final = 200_000
+_WORTH_COMPILING_PLANT: Final = 30_000
 _LAST_STATUS_S: Final = 5.0  # how long to wait for it once all is recorded
 
 
@@ -107,8 +110,8 @@ class GraphRunner(Supervisor):
     def _parameter_files(self, planned: PlannedRun, bag: Path) -> list[str]:
         """Write the parameter file of the run and return the arguments that load it."""
         sections = run_parameters(
-            planned, bag, record=self._record, compiled=self._composed or _is_long(planned),
-            autostart=True)
+            planned, bag, record=self._record, autostart=True,
+            compiled=planned.stages if self._composed else _worth_compiling(planned))
         path = self._directory / 'parameters' / f'{planned.name}.yaml'
         path.parent.mkdir(exist_ok=True)
         path.write_text(yaml.safe_dump({
@@ -143,14 +146,12 @@ class GraphRunner(Supervisor):
         return RunResult(run.wall_seconds, tuple(notes))
 
 
-def _is_long(planned: PlannedRun) -> bool:
-    """
-    Return whether compiled stages make up for their start in processes of their own.
-
-    With feedback the messages take the time, not what is computed.
-    """
-    follows_blocks = planned.bare or not planned.controller.uses_feedback
-    return follows_blocks and planned.trajectory.samples > _WORTH_COMPILING_SAMPLES
+def _worth_compiling(planned: PlannedRun) -> Collection[str]:
+    """Return the stages whose compiled steps make up for their start, each in its own process."""
+    samples = planned.trajectory.samples
+    if planned.bare or not planned.controller.uses_feedback:
+        return planned.stages if samples > _WORTH_COMPILING_BLOCKS else ()
+    return ('plant',) if samples > _WORTH_COMPILING_PLANT else ()
 
 
 class _LiveRun:

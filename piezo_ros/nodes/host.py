@@ -20,7 +20,7 @@ from piezo_ros.nodes.stage import Stage
 __all__ = ['host']
 
 _HOUSEKEEPING_S = 0.05
-_TURNS = 16  # of the stages in which others wait, between two looks at all the rest
+_TURNS = 64  # of the stages in which others wait, between two looks at all the rest
 _YIELD_S = 0.02  # how long an empty loop only yields before it sleeps
 _FOLLOW_S = 0.001  # how long a trajectory does so: blocks without feedback are quickly used up
 _SHORT_SLEEP_S = 0.001

@@ -114,7 +114,8 @@ class KeptGraph(Supervisor):
             raise CampaignError('; '.join([str(error), *voltage, *rescue(bag)])) from None
 
     def _run(self, planned: PlannedRun, bag: Path) -> RunResult:
-        sections = run_parameters(planned, bag, record=True, compiled=True, autostart=False)
+        sections = run_parameters(
+            planned, bag, record=True, autostart=False, compiled=planned.stages)
         nodes = tuple(sections)
         for node, values in sections.items():
             self._set_parameters(node, values)

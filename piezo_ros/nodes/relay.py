@@ -28,24 +28,23 @@ class Relay:
         Does what is to be done with any other message, which `StreamReader.take_other` hands out;
         returns whether there was anything.
 
+    Attributes
+    ----------
+    poll : callable
+        Answers one message; returns whether there was anything.
+
     """
 
     def __init__(
         self, reader: StreamReader, writer: StreamWriter, kernel: Any, other: Callable[[], bool],
     ) -> None:
-        self._reader = reader
-        self._writer = writer
         self._kernel = kernel
         self._other = other
-        self._take_message = reader.subscription.handle.take_message
-        self._outlet = writer.outlet
-        self._publish_raw = writer.outlet.publish_raw
-        self._message = writer.message
-        self._copy = writer.copy
         self._entry: Any = None
         self._templates = (
             np.frombuffer(reader.example, np.uint8), np.frombuffer(writer.message, np.uint8),
             writer.copy.recent if writer.copy else np.zeros(1))
+        self.poll = self._make_poll(reader, writer)
 
     def bind(self, *operands: Any) -> None:
         """Give the kernel its operands, those before the messages."""
@@ -53,24 +52,30 @@ class Relay:
         self._entry = self._entry or direct(self._kernel, *arguments, b'', 0, 0)
         self._answer = partial(self._entry, *arguments)
 
-    def poll(self) -> bool:
-        """Answer one message; return whether there was anything."""
-        taken = self._take_message(Float64MultiArray, True)
-        if taken is None:
-            return False
-        raw = taken[0]
-        reader, writer = self._reader, self._writer
-        index = writer.next_index
-        if self._answer(raw, reader.next_index, index):
-            try:
-                self._publish_raw(self._message)
-            except _rclpy.RCLError:
-                self._outlet.publish_patiently(self._message, index)
-            reader.next_index += 1
-            writer.next_index = index = index + 1
-            copy = self._copy
-            if copy and index == copy.due:
-                copy.flush(index)
-            return True
-        reader.raw = raw
-        return self._other()
+    def _make_poll(self, reader: StreamReader, writer: StreamWriter) -> Callable[[], bool]:
+        """Return `poll`; a closure, since looking its parts up would take as long as its work."""
+        take_message = reader.subscription.handle.take_message
+        outlet, message, copy = writer.outlet, writer.message, writer.copy
+        publish_raw, other, message_type = outlet.publish_raw, self._other, Float64MultiArray
+        not_taken = _rclpy.RCLError
+
+        def poll() -> bool:
+            taken = take_message(message_type, True)
+            if taken is None:
+                return False
+            raw = taken[0]
+            index = writer.next_index
+            if self._answer(raw, reader.next_index, index):
+                try:
+                    publish_raw(message)
+                except not_taken:
+                    outlet.publish_patiently(message, index)
+                reader.next_index += 1
+                writer.next_index = index = index + 1
+                if copy and index == copy.due:
+                    copy.flush(index)
+                return True
+            reader.raw = raw
+            return other()
+
+        return poll

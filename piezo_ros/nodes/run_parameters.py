@@ -1,5 +1,6 @@
 """What the nodes of a supervised run are told beyond the plan."""
 
+from collections.abc import Collection
 from pathlib import Path
 from typing import Any, Final
 
@@ -14,7 +15,8 @@ _PARAMETERS_TIMEOUT_S: Final = 15.0  # a loaded machine takes its time
 
 
 def run_parameters(
-    planned: PlannedRun, bag: Path, *, record: bool, compiled: bool, autostart: bool,
+    planned: PlannedRun, bag: Path, *, record: bool, autostart: bool,
+    compiled: Collection[str] = (),
 ) -> dict[str, dict[str, Any]]:
     """
     Return the parameters of every node of a run.
@@ -27,10 +29,10 @@ def run_parameters(
         Bag directory.
     record : bool
         Whether a recorder takes part.
-    compiled : bool
-        Whether all stages compute in compiled code; else those of which the plan says so.
     autostart : bool
         Whether the nodes bring themselves up; where not, they have been told at their start.
+    compiled : collection of str
+        Stages that compute in compiled code, beside those of which the plan says so.
 
     Returns
     -------
@@ -46,8 +48,8 @@ def run_parameters(
         'recorded_block_samples': _RECORDED_BLOCK_SAMPLES if copies else 0,
         'linger_s': -1.0}
     sections = {stage: {**planned.parameters[stage], **common} for stage in planned.stages}
-    for values in sections.values():
-        values['compiled'] |= compiled
+    for stage in compiled:
+        sections[stage]['compiled'] = True
     # Every run of a plan is one of its own, whichever process does it.
     sections['plant']['keep_state'] = False
     # Without a controller the plant demands, and only the recorder reads its displacement.
