@@ -49,6 +49,7 @@ class Compensator(Stage):
         sample = self._command.take_one()
         if sample is None:
             return self._poll_other()
+        self.in_blocks = False
         self._voltage.publish_one(self._inverse(sample))
         if self._relay:
             self.quick = self._relay.poll
@@ -58,6 +59,7 @@ class Compensator(Stage):
         samples = self._command.take_rest()
         if samples is None:
             return False
+        self.in_blocks = samples.size > 1
         if samples.size:
             self._voltage.publish(self._answer(samples))
         else:

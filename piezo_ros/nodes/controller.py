@@ -176,6 +176,7 @@ class Controller(Stage):
         if self._packed:
             self._packed.use(self._constants)
         self._closes_loop = law.uses_feedback
+        self.in_blocks = not law.uses_feedback
 
     def poll(self) -> bool:
         """Send every command that can be computed now."""

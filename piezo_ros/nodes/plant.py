@@ -114,6 +114,7 @@ class Plant(Stage):
     def _make_stage(self) -> None:
         self._hold = rig_stepper(
             self._rig, self.settings.sample_period_s, compiled=self.settings.compiled)
+        self._creeps = rig_constants(self._rig, self.settings.sample_period_s).creep is not None
         self._saturated_before = (0, 0)
         # Last: diagnostics may ask meanwhile.
         self._stage_of = (self._rig, self.settings.sample_period_s, self.settings.compiled)
@@ -121,10 +122,9 @@ class Plant(Stage):
     def _make_relay(self) -> 'Relay':
         from piezo_ros.bag.relay_kernels import relay_rig, relay_rig_creeping
         from piezo_ros.nodes.relay import Relay
-        constants = rig_constants(self._rig, self.settings.sample_period_s)
         relay = Relay(
             self._voltage, self._displacement,
-            relay_rig_creeping if constants.creep else relay_rig, self._poll_other)
+            relay_rig_creeping if self._creeps else relay_rig, self._poll_other)
         relay.bind(packed_memory(self._hold), self._held_v, *self._noise.window(0))
         return relay
 
@@ -148,6 +148,7 @@ class Plant(Stage):
         sample = self._voltage.take_one()
         if sample is None:
             return self._poll_other()
+        self.in_blocks = False
         self._answer_one(sample)
         if self._relay:
             self._lend(self._relay)
@@ -178,6 +179,7 @@ class Plant(Stage):
     def _answer(self, samples: NDArray[np.float64]) -> None:
         if self._displacement.sent == 1:
             self._began_s = time.perf_counter()  # the first block never comes by `take_one`
+        self.in_blocks = samples.size > 1
         if samples.size == 1:
             self._answer_one(float(samples[0]))
             return
@@ -197,9 +199,8 @@ class Plant(Stage):
                 self._hold(voltage, unit) for voltage, unit in
                 zip(voltage_v.tolist(), noise.tolist(), strict=True)]
         from piezo_ros.model.kernels import hold_packed_array, hold_packed_creeping_array
-        creeps = rig_constants(self._rig, self.settings.sample_period_s).creep
         displacement_um = np.empty_like(voltage_v)
-        (hold_packed_creeping_array if creeps else hold_packed_array)(
+        (hold_packed_creeping_array if self._creeps else hold_packed_array)(
             packed_memory(self._hold), voltage_v, noise, displacement_um)
         return displacement_um
 

@@ -61,6 +61,7 @@ class Stage(StreamNode):
         self.add_post_set_parameters_callback(self._after_changes)
         self.starts_itself = bool(self.get_parameter('autostart').value)
         self.running = False
+        self.in_blocks = False  # several samples at a time come in and go out, nobody waits for one
         self.failed = False  # a fault is latched
         self.over = False  # a run has ended, well or not
         self.shut_down = False
