@@ -22,8 +22,8 @@ __all__ = ['host']
 _HOUSEKEEPING_S = 0.05
 _TURNS = 64  # of the stages in which others wait, between two looks at all the rest
 _YIELD_S = 0.02  # how long an empty loop only yields before it sleeps
-_FOLLOW_S = 0.001  # how long a trajectory does so: blocks without feedback are quickly used up
-_BLOCK_NAP_S = 0.00005  # of a stage without a block: who yields takes the time of who has one
+_NAP_S = 0.00005  # of who has no block: who only yields takes the time of who has one
+_FOLLOW_S = 0.001  # how long an empty trajectory naps: blocks without feedback are soon used up
 _SHORT_SLEEP_S = 0.001
 _ACKNOWLEDGE_S = 5.0  # how long the readers, of which one may be dead, have for the last messages
 _DISCOVER_S = 1.0  # how long a supervisor has to discover a process that it ends so soon
@@ -152,13 +152,12 @@ def _stream_loop(stages: Sequence[Stage], stop: _Stop) -> None:
         in_blocks = all(stage.in_blocks for stage in waited_for)
         progress = _turns(waited_for, 1 if in_blocks else _TURNS, stop)
         progress = _turns([stage for stage in others if stage.running], 1, stop) or progress
+        naps, patience_s = (in_blocks, _YIELD_S) if waited_for else (follows, _FOLLOW_S)
         now = time.monotonic()
         if progress:
             idle_since = now
-        elif waited_for and in_blocks and now - idle_since < _YIELD_S:
-            time.sleep(_BLOCK_NAP_S)
-        elif follows and not waited_for and now - idle_since < _FOLLOW_S:
-            time.sleep(_BLOCK_NAP_S)
+        elif naps and now - idle_since < patience_s:
+            time.sleep(_NAP_S)
         elif now - idle_since > _YIELD_S or not waited_for:
             if any(stage.running for stage in stages):
                 time.sleep(_SHORT_SLEEP_S)
