@@ -389,7 +389,7 @@ def _summary(values: list[float]) -> dict[str, Any]:
 def _machine() -> dict[str, Any]:
     return {
         'processor': _processor(), 'cores': os.cpu_count(), 'memory_gb': _memory_gb(),
-        'system': platform.platform(), 'python': platform.python_version()}
+        'system': f'{platform.system()} {platform.machine()}', 'python': platform.python_version()}
 
 
 def _processor() -> str:
