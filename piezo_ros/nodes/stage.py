@@ -302,10 +302,6 @@ class Stage(StreamNode):
         if self.running and any(change.name == 'monitor_rate_hz' for change in changes):
             self._monitor.run_at(self.settings.monitor_rate_hz)
 
-    def bring_up(self) -> bool:
-        """Configure, as ``autostart`` does; return whether that went well."""
-        return self.trigger_configure() == TransitionCallbackReturn.SUCCESS
-
     # -- stream loop ------------------------------------------------------------------------------
 
     def break_off(self, error: Exception) -> None:
