@@ -5,6 +5,7 @@ import signal
 import sys
 import threading
 import time
+import warnings
 from collections.abc import Callable, Sequence
 from types import FrameType
 
@@ -65,6 +66,8 @@ def host(make_stages: Callable[[], Sequence[Stage]], arguments: list[str] | None
     signal.signal(signal.SIGINT, stop)
     signal.signal(signal.SIGTERM, stop)
     set_middleware_defaults()
+    # Of a client that this process has not discovered yet; it hears nothing and asks again.
+    warnings.filterwarnings('ignore', 'failed to send response', RuntimeWarning)
     try:
         rclpy.init(
             args=sys.argv if arguments is None else arguments,

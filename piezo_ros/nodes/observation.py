@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 __all__ = ['Diagnostics', 'Monitor', 'SteadyTimer']
 
 _DIAGNOSTICS_S = 1.0
+_REPEAT_S = 1.0  # a sample that stays the newest: best effort loses some, and some come late
 
 
 class SteadyTimer:
@@ -69,7 +70,7 @@ class Monitor:
     def __init__(self, stage: 'Stage') -> None:
         self._stage = stage
         self._publishers: dict[str, Any] = {}
-        self._shown: dict[str, int] = {}
+        self._shown: dict[str, tuple[int, float]] = {}  # samples sent by then, and when
         self._timer = SteadyTimer(stage, self.show)
 
     def create_endpoints(self) -> None:
@@ -84,11 +85,15 @@ class Monitor:
         self._timer.run_at(rate_hz if self._publishers else 0.0)
 
     def show(self) -> None:
-        """Publish what has come since the last time."""
+        """Publish what has come since the last time, and now and then what is still the newest."""
+        now_s = time.monotonic()
         for stream, publisher in self._publishers.items():
             writer = self._stage.writers.get(stream)
-            if writer is not None and writer.sent and writer.sent != self._shown.get(stream):
-                self._shown[stream] = writer.sent
+            if writer is None or not writer.sent:
+                continue
+            sent, at_s = self._shown.get(stream, (0, now_s))
+            if writer.sent != sent or now_s - at_s >= _REPEAT_S:
+                self._shown[stream] = writer.sent, now_s
                 publisher.publish(Float64(data=writer.newest))
 
 

@@ -193,34 +193,28 @@ def test_processes_give_the_same_results_as_one(prepare, tmp_path):
 
 
 def running(directory):
-    """Numbers of the runs that have begun and are not done."""
-    return {
-        int(path.name) for path in (Path(directory) / 'runs').iterdir()
-        if not (path / 'run.json').exists()}
-
-
-def begun_after(work, numbers, moment):
-    """Which of these runs were begun, the last time, after a moment."""
-    begun = set()
-    for number in numbers:
-        record = run_directory(work.directory, number) / 'run.json'
-        if record.stat().st_mtime - json.loads(record.read_text())['seconds'] > moment:
-            begun.add(number)
-    return begun
+    """Directories of the runs that have begun and are not done."""
+    return [
+        path for path in (Path(directory) / 'runs').iterdir()
+        if not (path / 'run.json').exists()]
 
 
 def check_what_a_killed_worker_costs(work, engine, kill):
     """Kill a worker in the middle of its work; only that is done again."""
-    at_work = set()
-    moment = []
+    at_work, marks = set(), []
 
     def strike():
         deadline = time.monotonic() + 60.0
         while time.monotonic() < deadline:
-            at_work.clear()
-            at_work.update(running(work.directory))
-            if len(at_work) == 2 and list(Path(work.directory).rglob('run.json')):
-                moment.append(time.time())
+            now = running(work.directory)
+            if len(now) == 2 and list(Path(work.directory).rglob('run.json')):
+                at_work.update(now)
+                # A run that is begun again begins in an empty directory.
+                marks.extend(
+                    path / 'begun_before_the_kill'
+                    for path in (Path(work.directory) / 'runs').iterdir())
+                for mark in marks:
+                    mark.touch()
                 kill()
                 return
             time.sleep(0.001)
@@ -230,16 +224,14 @@ def check_what_a_killed_worker_costs(work, engine, kill):
     striker.start()
     sweep = run_sweep(work, engine, workers=2)
     striker.join()
-    assert moment, 'there was nobody to kill'
+    assert marks, 'there was nobody to kill'
     assert [result['number'] for result in sweep.results] == list(range(work.plan.runs))
     assert not sweep.failed
-    # One of the two that were at work; it may have come to its end in the last moment.
-    assert len(begun_after(work, at_work, moment[0])) <= 1
-    finished = {
-        number for number in range(work.plan.runs)
-        if (run_directory(work.directory, number) / 'run.json').stat().st_mtime < moment[0]}
-    assert finished
-    assert not begun_after(work, finished, moment[0])
+    assert len(marks) > len(at_work)
+    begun_again = [mark.parent for mark in marks if not mark.exists()]
+    # The run of the killed worker; it may have come to its end in the last moment.
+    assert len(begun_again) <= 1
+    assert at_work.issuperset(begun_again)
 
 
 def test_a_killed_process_costs_only_what_it_was_doing(prepare):

@@ -2,6 +2,7 @@
 
 import collections
 import json
+import time
 
 import pytest
 import rclpy
@@ -16,6 +17,11 @@ from std_msgs.msg import Float64MultiArray, MultiArrayDimension, String
 UNITS = {
     'reference': 'um', 'feedforward': 'um', 'command': 'um', 'voltage': 'v', 'displacement': 'um'}
 PERIOD_S = 1e-5
+ANSWER_S = 20.0
+ATTEMPTS = 4
+TARGETS = {
+    'configure': 'inactive', 'activate': 'active', 'deactivate': 'inactive',
+    'cleanup': 'unconfigured', 'shutdown': 'finalized'}
 
 
 def typed_block(stream, index, samples, period_s=PERIOD_S):
@@ -106,22 +112,40 @@ class Peer:
             samples += values
         return samples
 
-    def call(self, service_type, name, request):
-        """Call a service and return its answer."""
+    def call(self, service_type, name, request, was_done=lambda: False):
+        """
+        Call a service and return its answer.
+
+        A server that has not discovered this client yet throws its answer away. Then it is called
+        again, unless the request is seen to have been carried out: that gives None.
+        """
         client = self.node.create_client(service_type, name)
-        assert client.wait_for_service(90.0)
-        # A server that has not yet discovered this client throws its answer away.
-        self.wait(lambda: client.service_is_ready(), f'the service {name}')
-        future = client.call_async(request)
-        self.wait(future.done, f'an answer of {name}')
-        self.node.destroy_client(client)
-        return future.result()
+        try:
+            self.wait(client.service_is_ready, f'the service {name}')
+            for _ in range(ATTEMPTS):
+                future = client.call_async(request)
+                if self._done_in_time(future):
+                    return future.result()
+                if was_done():
+                    return None
+        finally:
+            self.node.destroy_client(client)
+        pytest.fail(f'{name} did not answer')
+
+    def _done_in_time(self, future):
+        """Return whether an answer comes; none takes so long but one that is lost."""
+        deadline = time.monotonic() + ANSWER_S
+        self.wait(lambda: future.done() or time.monotonic() > deadline, 'an answer')
+        return future.done()
 
     def change_state(self, node, transition):
         """Ask a managed node for a transition; return whether it made it."""
         number = getattr(Transition, f'TRANSITION_{transition.upper()}')
-        request = ChangeState.Request(transition=Transition(id=number))
-        return self.call(ChangeState, f'{node}/change_state', request).success
+        answer = self.call(
+            ChangeState, f'{node}/change_state',
+            ChangeState.Request(transition=Transition(id=number)),
+            was_done=lambda: self.state(node) == TARGETS[transition.rpartition('_')[2]])
+        return answer is None or answer.success
 
     def state(self, node):
         return self.call(GetState, f'{node}/get_state', GetState.Request()).current_state.label
