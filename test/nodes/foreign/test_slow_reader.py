@@ -1,12 +1,15 @@
 """A reader that stops reading: the run waits for it, says so, and loses nothing."""
 
 import signal
+import time
 from pathlib import Path
 
 from piezo_ros.control import ControllerParameters, TrajectoryParameters, simulate
 from piezo_ros.model import HysteresisParameters, RigParameters
 
 PERIODS = 60.0
+STAGES = ('compensator', 'controller', 'plant', 'trajectory')
+NAMES_S = 2.0
 
 
 def test_a_suspended_reader_stops_the_run_until_it_reads_again(rig, peer, tmp_path):
@@ -19,7 +22,13 @@ def test_a_suspended_reader_stops_the_run_until_it_reads_again(rig, peer, tmp_pa
     parameters.write_text('/**/plant: {ros__parameters: {required_readers: 2}}')
     loop = rig.start_node(
         'loop', '--params-file', str(parameters), '-p', f'periods:={PERIODS}',
-        '-p', 'handshake_timeout_s:=60.0', '-p', 'linger_s:=2.0')
+        '-p', 'handshake_timeout_s:=60.0', '-p', 'autostart:=false')
+    for stage in STAGES:
+        assert peer.change_state(stage, 'configure')
+    # The name of a node travels beside its endpoints, and a suspended one sends nothing again.
+    time.sleep(NAMES_S)
+    for stage in STAGES:
+        assert peer.change_state(stage, 'activate')
     onlooker.wait_for('100 samples')
     onlooker.send(signal.SIGSTOP)
     warning = f'{rig.namespace}/displacement waits at sample '
@@ -37,4 +46,6 @@ def test_a_suspended_reader_stops_the_run_until_it_reads_again(rig, peer, tmp_pa
         RigParameters(), HysteresisParameters(), ControllerParameters(), trajectory)
     total_um = sum(expected.displacement_um.tolist())
     assert f'{trajectory.samples + 1} samples, sum {total_um!r}\nthe end' in onlooker.output
+    for stage in STAGES:
+        assert peer.change_state(stage, 'active_shutdown')
     assert loop.wait() == 0
