@@ -1,6 +1,7 @@
 """The handshake before a run: every stream must have its peers before the first sample."""
 
 import time
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -27,19 +28,41 @@ def await_peers(stage: 'Stage') -> str:
         '' once all are there, else what is missing after ``handshake_timeout_s``.
 
     """
-    began = time.monotonic()
-    deadline = began + stage.settings.handshake_timeout_s
-    tell_at = began + _TELL_WAITING_S
-    while problem := _missing_writer(stage) or _missing_reader(stage) or stage.missing_peers():
+    began_s = time.monotonic()
+    if stage.subscribes_late and not stage.readers:
+        problem = _wait_while(stage, began_s, lambda: _unknown_writer(stage))
+        if problem:
+            return problem
+        stage.create_readers()
+    return _wait_while(
+        stage, began_s,
+        lambda: _missing_writer(stage) or _missing_reader(stage) or stage.missing_peers())
+
+
+def _wait_while(stage: 'Stage', began_s: float, look: Callable[[], str]) -> str:
+    """Wait while something is missing; return what it is in the end, '' for nothing."""
+    deadline_s = began_s + stage.settings.handshake_timeout_s
+    tell_at_s = began_s + _TELL_WAITING_S
+    while problem := look():
         if stage.stop_requested:
             return 'stopped while waiting for the peers'
-        now = time.monotonic()
-        if now > deadline:
+        now_s = time.monotonic()
+        if now_s > deadline_s:
             return f'{problem} after {stage.settings.handshake_timeout_s:g} s'
-        if now > tell_at:
-            tell_at += _TELL_WAITING_S
+        if now_s > tell_at_s:
+            tell_at_s += _TELL_WAITING_S
             stage.get_logger().info(f'waiting: {problem}')
         time.sleep(_LOOK_S)
+    return ''
+
+
+def _unknown_writer(stage: 'Stage') -> str:
+    """Return which needed stream has no writer that discovery has told of."""
+    for stream in stage.required_inputs():
+        topic = stage.resolve_topic_name(stage.input_topic(stream))
+        writers = stage.count_publishers(topic)
+        if writers != 1:
+            return _wrong_number(topic, writers)
     return ''
 
 
@@ -48,9 +71,12 @@ def _missing_writer(stage: 'Stage') -> str:
     for stream, reader in stage.readers.items():
         writers = reader.subscription.get_publisher_count()
         if stream in required and writers != 1:
-            return (
-                f'{reader.subscription.topic_name} has {writers} writers, exactly one is needed')
+            return _wrong_number(reader.subscription.topic_name, writers)
     return ''
+
+
+def _wrong_number(topic: str, writers: int) -> str:
+    return f'{topic} has {writers} writers, exactly one is needed'
 
 
 def _missing_reader(stage: 'Stage') -> str:

@@ -31,6 +31,7 @@ class Recorder(Stage):
 
     urgent = False
     in_bursts = True
+    subscribes_late = True
 
     def __init__(self, *, compiled: bool = False) -> None:
         self._bag: BagWriter | None = None

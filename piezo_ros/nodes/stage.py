@@ -48,6 +48,9 @@ class Stage(StreamNode):
     urgent = True
     # Whether a stage that is not urgent had better let its input pile up.
     in_bursts = False
+    # Whether it subscribes only once it knows the writers. Whoever waits for its readers then does
+    # not begin before they can hear: in a loop each waits for the next, but nobody for a recorder.
+    subscribes_late = False
     # The counts whose growth the diagnostics warn of.
     troubles: tuple[str, ...] = ('refused_messages', 'gaps')
 
@@ -141,9 +144,8 @@ class Stage(StreamNode):
         """Read the parameters and create every endpoint."""
         try:
             self._read_parameters()
-            self.readers = {
-                stream: StreamReader(self, stream, self.input_topic(stream))
-                for stream in self.inputs}
+            if not self.subscribes_late:
+                self.create_readers()
             self.writers = {
                 stream: StreamWriter(self, stream, self.settings.recorded_block_samples)
                 for stream in self.outputs}
@@ -170,6 +172,11 @@ class Stage(StreamNode):
             self.get_logger().error(''.join(traceback.format_exception(why)))
         self._report(self.activity)
         return TransitionCallbackReturn.FAILURE
+
+    def create_readers(self) -> None:
+        """Subscribe to the inputs."""
+        self.readers = {
+            stream: StreamReader(self, stream, self.input_topic(stream)) for stream in self.inputs}
 
     def create_endpoints(self) -> None:
         """Create what the stage has beside its streams."""
