@@ -112,8 +112,6 @@ class Controller(Stage):
         self._feedforward = self.readers['feedforward']
         self._displacement = self.readers['displacement']
         self._command = self.writers['command']
-        # A feedforward that the scheme does not use is taken all the same while somebody sends it.
-        self._has_feedforward = self._feedforward.subscription.get_publisher_count() > 0
         self._first = max(self.settings.start_index, 0)
         self._commands_ended = False
         # What must be done before the next sample can be; None for nothing.
@@ -138,7 +136,7 @@ class Controller(Stage):
         """Let the relay go on as far as there are targets; what it has used is dropped later."""
         assert self._packed is not None
         count = min(len(self._reference.queue), (self._flow.lookahead_samples + 1) // 2)
-        if self._has_feedforward:
+        if self._feeds_forward:
             count = min(count, len(self._feedforward.queue))
         if self._schedule.change_at >= self._index:
             count = min(count, self._schedule.change_at - self._index)
@@ -146,7 +144,7 @@ class Controller(Stage):
             return
         reference_um = np.array(list(islice(self._reference.queue, count)))
         feedforward_um = (
-            np.array(list(islice(self._feedforward.queue, count))) if self._has_feedforward
+            np.array(list(islice(self._feedforward.queue, count))) if self._feeds_forward
             else np.zeros(count))
         self._lent_at = self._command.next_index
         relay.bind(self._packed.packed, self._first, self._lent_at, reference_um, feedforward_um)
@@ -159,8 +157,7 @@ class Controller(Stage):
         self._lent_at = None
         self.quick = self.poll
         self._reference.drop_before(self._command.next_index)
-        if self._has_feedforward:
-            self._feedforward.drop_before(self._command.next_index)
+        self._feedforward.drop_before(self._command.next_index)
 
     def _poll_other(self) -> bool:
         """Go on with what the relay could not answer."""
@@ -176,6 +173,7 @@ class Controller(Stage):
         if self._packed:
             self._packed.use(self._constants)
         self._closes_loop = law.uses_feedback
+        self._feeds_forward = law.uses_feedforward
         self.in_blocks = not law.uses_feedback
 
     def poll(self) -> bool:
@@ -203,7 +201,7 @@ class Controller(Stage):
         readers = [self._reference]
         if self._closes_loop:
             readers.append(self._displacement)
-        if self._has_feedforward:
+        if self._feeds_forward:
             readers.append(self._feedforward)
         for reader in readers:
             if not reader.queue and not reader.fill():
@@ -219,18 +217,39 @@ class Controller(Stage):
 
     def _change(self) -> None:
         """Go over to the law that holds from the next sample on."""
-        had_feedback = self._closes_loop
+        had_feedback, fed_forward = self._closes_loop, self._feeds_forward
         self._schedule.apply()
         if self._index:
             prepare_transfer(self._memory)
         self._use_law()
-        if self._closes_loop and not had_feedback:
-            self._prepare = self._recall
+        needs_past = self._closes_loop and not had_feedback
+        needs_feedforward = self._feeds_forward and not fed_forward
+        if needs_past or needs_feedforward:
+            self._prepare = lambda: (
+                (not needs_feedforward or self._begin_feedforward())
+                and (not needs_past or self._recall()))
         law = self._schedule.law
         self.get_logger().info(
             f'from sample {self._first + self._index} on: {law.scheme}, '
             f'kP {law.proportional_gain:g}, kI {law.integral_gain_per_s:g} 1/s')
         self._report('active')
+
+    def _begin_feedforward(self) -> bool:
+        """Wait for the feedforward of the next sample; return whether it is there."""
+        feedforward, index = self._feedforward, self._first + self._index
+        while feedforward.take_from(index):
+            pass
+        if feedforward.ended and not feedforward.queue:
+            raise StreamFault(
+                f'{feedforward.subscription.topic_name} ended before sample {index}, from which on '
+                'the scheme needs it')
+        if not feedforward.queue:
+            return False
+        if feedforward.queue_index > index:
+            raise StreamFault(
+                f'{feedforward.subscription.topic_name} begins at sample '
+                f'{feedforward.queue_index}, the scheme needs it from sample {index} on')
+        return True
 
     def _recall(self) -> bool:
         """Tell the controller what was measured lately, without feedback; return whether all is."""
@@ -254,10 +273,10 @@ class Controller(Stage):
         while displacement.queue and self._next_target():
             if self._index == self._schedule.change_at:
                 self._change()
-                if not self._closes_loop:
+                if self._prepare is not None or not self._closes_loop:
                     return True
             reference_um = reference.queue.popleft()
-            feedforward_um = self._feedforward.queue.popleft() if self._has_feedforward else 0.0
+            feedforward_um = self._feedforward.queue.popleft() if self._feeds_forward else 0.0
             self._command.publish_one(controller_step(
                 self._memory, self._constants, self._index, reference_um, feedforward_um,
                 displacement.queue.popleft()))
@@ -267,21 +286,22 @@ class Controller(Stage):
     def _poll_blocks(self) -> bool:
         progress = self._take_displacement()
         if self._packed and self._answer_whole_blocks(self._packed):
+            self._skip_feedforward()
             return True
         if self._next_target():
             if self._index == self._schedule.change_at:
                 self._change()
-                if self._closes_loop:
+                if self._prepare is not None or self._closes_loop:
                     return True
             reference, feedforward = self._reference.queue, self._feedforward.queue
             count = len(reference)
-            if self._has_feedforward:
+            if self._feeds_forward:
                 count = min(count, len(feedforward))
             if self._schedule.change_at > self._index:
                 count = min(count, self._schedule.change_at - self._index)
             commands = []
             for index in range(self._index, self._index + count):
-                feedforward_um = feedforward.popleft() if self._has_feedforward else 0.0
+                feedforward_um = feedforward.popleft() if self._feeds_forward else 0.0
                 commands.append(controller_step(
                     self._memory, self._constants, index, reference.popleft(), feedforward_um,
                     0.0))
@@ -291,27 +311,27 @@ class Controller(Stage):
 
     def _take_displacement(self) -> bool:
         """Take a block of the displacement, of which only the newest samples are of interest."""
-        displacement = self._displacement
-        samples = displacement.take_array()
         # A scheme that is to come may ask for the last measurements before its first sample.
-        oldest = self._first + self._index - len(self._memory.measured_um)
-        if samples is not None:
-            count = displacement.next_index - oldest
-            displacement.queue.extend(samples[max(0, samples.size - count):].tolist())
-        displacement.drop_before(oldest)
-        return samples is not None
+        return self._displacement.take_from(
+            self._first + self._index - len(self._memory.measured_um))
+
+    def _skip_feedforward(self) -> None:
+        """Take the feedforward also where the scheme does not use it: its writer would wait."""
+        if not self._feeds_forward:
+            while self._feedforward.take_from(self._command.next_index):
+                pass
 
     def _answer_whole_blocks(self, packed: PackedController) -> bool:
         """Answer a block of targets in compiled code, if nothing else is to be done meanwhile."""
         reference, feedforward = self._reference, self._feedforward
-        if reference.queue or feedforward.queue or self._schedule.change_at != NEVER:
+        if self._schedule.change_at != NEVER or reference.queue or (
+                self._feeds_forward and feedforward.queue):
             return False
         reference_um = reference.take_array()
         if reference_um is None:
             return False
-        feedforward_um = feedforward.take_array() if self._has_feedforward else None
-        if not self._has_feedforward:
-            feedforward_um = np.zeros_like(reference_um)
+        feedforward_um = (
+            feedforward.take_array() if self._feeds_forward else np.zeros_like(reference_um))
         if feedforward_um is None or feedforward_um.size != reference_um.size:
             # They are cut differently, or one is late.
             reference.queue.extend(reference_um.tolist())
@@ -328,9 +348,11 @@ class Controller(Stage):
 
     def _next_target(self) -> bool:
         """Return whether reference and feedforward of the next sample are there."""
-        if not self._reference.queue and not self._reference.fill():
-            return False
-        if self._has_feedforward and not self._feedforward.queue:
+        if not self._reference.queue:
+            if not self._reference.fill():
+                return False
+            self._skip_feedforward()
+        if self._feeds_forward and not self._feedforward.queue:
             self._feedforward.fill()
             return bool(self._feedforward.queue) and bool(self._reference.queue)
         return bool(self._reference.queue)
@@ -350,9 +372,8 @@ class Controller(Stage):
             return False
         progress = self._displacement.fill()
         self._displacement.queue.clear()
-        if self._has_feedforward and not self._feedforward.ended:
-            progress = self._feedforward.fill() or progress
-            self._feedforward.queue.clear()
+        if not self._feedforward.ended:
+            progress = self._feedforward.take_from(self._command.next_index) or progress
         if self._displacement.ended:
             self.finish()
         return progress
@@ -389,7 +410,7 @@ class Controller(Stage):
         elif at_sample < next_index:
             return f'apply_at_sample is {at_sample}; the next sample is {next_index} already'
         try:
-            if not self._has_feedforward and self._schedule.law.replaced(**values).uses_feedforward:
+            if not self._is_fed() and self._schedule.law.replaced(**values).uses_feedforward:
                 return (
                     f'scheme is {values.get("scheme")!r}, and nobody sends '
                     f'{self._feedforward.subscription.topic_name}')
@@ -397,6 +418,11 @@ class Controller(Stage):
         except ParameterError as error:
             return str(error)
         return ''
+
+    def _is_fed(self) -> bool:
+        """Return whether somebody sends the feedforward, or has sent it."""
+        feedforward = self._feedforward
+        return bool(feedforward.received or feedforward.subscription.get_publisher_count())
 
     def has_waiting(self, reader: StreamReader) -> bool:
         """Return whether samples wait: in blocks, one stream comes long before the others."""

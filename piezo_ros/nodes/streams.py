@@ -307,6 +307,20 @@ class StreamReader:
         self.queue.extend(samples)
         return True
 
+    def take_from(self, index: int) -> bool:
+        """
+        Take a block, of which only the samples from an index on are of interest.
+
+        They go into the queue, and older ones out of it. Returns whether there was a block.
+        """
+        samples = self.take_array()
+        if samples is not None:
+            wanted = self.next_index - index
+            if wanted > 0:
+                self.queue.extend(samples[max(0, samples.size - wanted):].tolist())
+        self.drop_before(index)
+        return samples is not None
+
     @property
     def queue_index(self) -> int:
         """Index of the first sample that waits in the queue, or of the next to come."""

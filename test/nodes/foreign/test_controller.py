@@ -149,3 +149,32 @@ def test_it_joins_where_all_streams_have_begun(controller, peer, block, scheme):
     received = [value for message in peer.received['command'] for value in message.data[2:]]
     assert received[:count] == expected[:count]
     assert process.exit_code is None
+
+
+@pytest.fixture
+def fed_late(rig, peer):
+    """Start a controller without feedforward, whose writer comes when it runs already."""
+    def start(scheme):
+        peer.read('command')
+        writers = {stream: peer.writer(stream) for stream in ('reference', 'displacement')}
+        process = rig.node('controller', handshake_timeout_s=60.0, scheme=scheme)
+        peer.wait_for_status('controller', state='active')
+        writers['feedforward'] = peer.writer('feedforward')
+        peer.wait(
+            lambda: writers['feedforward'].get_subscription_count() == 1, 'the late connection')
+        return process, writers
+    return start
+
+
+@pytest.mark.parametrize(('scheme', 'later'), [('fb', 'fbff'), ('open_loop', 'ff')])
+def test_a_feedforward_that_comes_late_is_there_when_a_scheme_needs_it(
+        fed_late, peer, send, change, scheme, later):
+    process, writers = fed_late(scheme)
+    send(writers, 0, 100)
+    peer.wait_for_samples('command', 100)
+    assert change(scheme=later, apply_at_sample=130) == ''
+    send(writers, 100, 300)
+    law = ControllerParameters(scheme=scheme)
+    assert peer.wait_for_samples('command', 300) == commands(
+        (0, law), (130, law.replaced(scheme=later)))
+    assert process.exit_code is None
