@@ -34,7 +34,7 @@ _LOOSE_BYTES: Final = 1 << 20  # messages outside chunks are handed on in pieces
 _CHANNEL_OFFSET: Final = 9
 # Chunks are decompressed ahead in threads, which hold no lock meanwhile.
 _THREADS: Final = max(1, min(4, (os.cpu_count() or 1) - 1))
-_AHEAD_PIECES: Final = 4
+_AHEAD_PIECES: Final = 8
 _AHEAD_BYTES: Final = 64 << 20
 _read_head = struct.Struct('<BQ').unpack
 _read_chunk_head = struct.Struct('<QQQII').unpack_from
