@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from piezo_ros.control import stepping as control_stepping
 from piezo_ros.model import stepping
-from piezo_ros.model.compiled import kernel
+from piezo_ros.model.compiled import brief_kernel, bytes_at, floats_at
 from piezo_ros.model.step import step
 
 __all__ = ['relay_controller', 'relay_inverse', 'relay_rig', 'relay_rig_creeping']
@@ -25,8 +25,7 @@ _controller_packed = control_stepping.controller_packed
 _hold_packed = stepping.hold_packed
 _hold_packed_creeping = stepping.hold_packed_creeping
 _inverse_packed = stepping.inverse_packed
-_Bytes = NDArray[np.uint8]
-_Floats = NDArray[np.float64]
+_Places = NDArray[np.int64]  # of the operands, see `Operands`
 
 
 @step
@@ -58,12 +57,14 @@ def _is_next(raw: Any, expected: Any, index: int) -> bool:
     size = len(expected)
     if len(raw) != size:
         return False
+    # Without a way out in the middle, so that many bytes are compared at once.
+    difference = np.uint8(0)
     for at in range(size - _INDEX):
-        if raw[at] != expected[at]:
-            return False
+        difference |= raw[at] ^ expected[at]
     for at in range(size - _PERIOD, size - _SAMPLE):
-        if raw[at] != expected[at]:
-            return False
+        difference |= raw[at] ^ expected[at]
+    if difference != 0:
+        return False
     sample = _number(raw, size - _SAMPLE)
     return _number(raw, size - _INDEX) == index and sample - sample == 0.0  # type: ignore[no-any-return]
 
@@ -76,63 +77,73 @@ def _answer(message: Any, recent: Any, index: int, value: float) -> None:
     _put(message, size - _SAMPLE, value)
 
 
-@kernel
-def relay_inverse(
-    memory: _Floats, expected: _Bytes, message: _Bytes, recent: _Floats,
-    raw: bytes, index: int, answer_index: int,
-) -> bool:
-    """Answer a command with its voltage, see `inverse_packed`."""
+@brief_kernel
+def relay_inverse(places: _Places, raw: bytes, index: int, answer_index: int) -> bool:
+    """
+    Answer a command with its voltage, see `inverse_packed`.
+
+    Operands: memory, and what the relay adds: expected and own message, recent answers.
+    """
+    memory, expected = floats_at(places, 0), bytes_at(places, 1)
     if not _is_next(raw, expected, index):
         return False
     voltage_v = _inverse_packed(memory, _number(raw, len(raw) - _SAMPLE))
-    _answer(message, recent, answer_index, voltage_v)
+    _answer(bytes_at(places, 2), floats_at(places, 3), answer_index, voltage_v)
     return True
 
 
-@kernel
-def relay_rig(
-    memory: _Floats, held_v: _Floats, noise_start: int, noise: _Floats,
-    expected: _Bytes, message: _Bytes, recent: _Floats,
-    raw: bytes, index: int, answer_index: int,
-) -> bool:
-    """Answer a voltage, left in ``held_v``, with a reading, see `hold_packed`."""
-    at = answer_index - noise_start
+@brief_kernel
+def relay_rig(places: _Places, raw: bytes, index: int, answer_index: int) -> bool:
+    """
+    Answer a voltage with a reading, see `hold_packed`.
+
+    Operands: memory; where the voltage is left; index of the first noise, noise; and what the relay
+    adds.
+    """
+    noise, expected = floats_at(places, 3), bytes_at(places, 4)
+    at = answer_index - places[4]
     if not (0 <= at < len(noise) and _is_next(raw, expected, index)):
         return False
+    memory, held_v = floats_at(places, 0), floats_at(places, 1)
     voltage_v = _number(raw, len(raw) - _SAMPLE)
     held_v[0] = voltage_v
-    _answer(message, recent, answer_index, _hold_packed(memory, voltage_v, noise[at]))
+    _answer(
+        bytes_at(places, 5), floats_at(places, 6), answer_index,
+        _hold_packed(memory, voltage_v, noise[at]))
     return True
 
 
-@kernel
-def relay_rig_creeping(
-    memory: _Floats, held_v: _Floats, noise_start: int, noise: _Floats,
-    expected: _Bytes, message: _Bytes, recent: _Floats,
-    raw: bytes, index: int, answer_index: int,
-) -> bool:
+@brief_kernel
+def relay_rig_creeping(places: _Places, raw: bytes, index: int, answer_index: int) -> bool:
     """Do as `relay_rig`, see `hold_packed_creeping`."""
-    at = answer_index - noise_start
+    noise, expected = floats_at(places, 3), bytes_at(places, 4)
+    at = answer_index - places[4]
     if not (0 <= at < len(noise) and _is_next(raw, expected, index)):
         return False
+    memory, held_v = floats_at(places, 0), floats_at(places, 1)
     voltage_v = _number(raw, len(raw) - _SAMPLE)
     held_v[0] = voltage_v
-    _answer(message, recent, answer_index, _hold_packed_creeping(memory, voltage_v, noise[at]))
+    _answer(
+        bytes_at(places, 5), floats_at(places, 6), answer_index,
+        _hold_packed_creeping(memory, voltage_v, noise[at]))
     return True
 
 
-@kernel
-def relay_controller(
-    packed: _Floats, first: int, start: int, reference_um: _Floats, feedforward_um: _Floats,
-    expected: _Bytes, message: _Bytes, recent: _Floats,
-    raw: bytes, index: int, answer_index: int,
-) -> bool:
-    """Answer a displacement with a command, see `controller_packed`; the run began at ``first``."""
-    at = answer_index - start
+@brief_kernel
+def relay_controller(places: _Places, raw: bytes, index: int, answer_index: int) -> bool:
+    """
+    Answer a displacement with a command, see `controller_packed`.
+
+    Operands: memory; index of the first sample of the run, and of the first target; reference,
+    feedforward; and what the relay adds.
+    """
+    reference_um, expected = floats_at(places, 3), bytes_at(places, 5)
+    at = answer_index - places[4]
     if not (0 <= at < len(reference_um) and _is_next(raw, expected, index)):
         return False
+    packed, feedforward_um = floats_at(places, 0), floats_at(places, 4)
     command_um = _controller_packed(
-        packed, answer_index - first, reference_um[at], feedforward_um[at],
+        packed, answer_index - places[2], reference_um[at], feedforward_um[at],
         _number(raw, len(raw) - _SAMPLE))
-    _answer(message, recent, answer_index, command_um)
+    _answer(bytes_at(places, 6), floats_at(places, 7), answer_index, command_um)
     return True

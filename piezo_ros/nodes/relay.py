@@ -1,14 +1,13 @@
 """The quick way from a stream to the one that answers it, one sample at a time."""
 
 from collections.abc import Callable
-from functools import partial
 from typing import Any
 
 import numpy as np
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from std_msgs.msg import Float64MultiArray
 
-from piezo_ros.model.compiled import direct
+from piezo_ros.model.compiled import Operands, direct
 from piezo_ros.nodes.streams import StreamReader, StreamWriter
 
 __all__ = ['Relay']
@@ -40,7 +39,7 @@ class Relay:
     ) -> None:
         self._kernel = kernel
         self._other = other
-        self._entry: Any = None
+        self._answer: Any = None
         self._templates = (
             np.frombuffer(reader.example, np.uint8), np.frombuffer(writer.message, np.uint8),
             writer.copy.recent if writer.copy else np.zeros(1))
@@ -48,9 +47,9 @@ class Relay:
 
     def bind(self, *operands: Any) -> None:
         """Give the kernel its operands, those before the messages."""
-        arguments = (*operands, *self._templates)
-        self._entry = self._entry or direct(self._kernel, *arguments, b'', 0, 0)
-        self._answer = partial(self._entry, *arguments)
+        self._operands = Operands(*operands, *self._templates)
+        self._places = self._operands.places
+        self._answer = self._answer or direct(self._kernel, self._places, b'', 0, 0)
 
     def _make_poll(self, reader: StreamReader, writer: StreamWriter) -> Callable[[], bool]:
         """Return `poll`; a closure, since looking its parts up would take as long as its work."""
@@ -65,7 +64,7 @@ class Relay:
                 return False
             raw = taken[0]
             index = writer.next_index
-            if self._answer(raw, reader.next_index, index):
+            if self._answer(self._places, raw, reader.next_index, index):
                 try:
                     publish_raw(message)
                 except not_taken:

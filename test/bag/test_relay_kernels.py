@@ -13,6 +13,7 @@ from piezo_ros.control.controller import (
 )
 from piezo_ros.control.stepping import PackedController
 from piezo_ros.model import HysteresisParameters, RigParameters
+from piezo_ros.model.compiled import Operands
 from piezo_ros.model.stepping import compensator_stepper, packed_memory, rig_stepper
 
 PERIOD_S = 1e-5
@@ -31,6 +32,10 @@ class Wire:
             np.frombuffer(self.inward.encode_one(0, PERIOD_S, 0.0), np.uint8),
             np.frombuffer(self.message, np.uint8), self.recent)
 
+    def relay(self, kernel, operands, raw, index, answer_index):
+        held = Operands(*operands, *self.templates)
+        return kernel(held.places, raw, index, answer_index)
+
     def ask(self, value, index):
         return self.inward.encode_one(index, PERIOD_S, value)
 
@@ -45,7 +50,8 @@ def test_voltages_are_those_of_the_python_step():
     memory = packed_memory(compensator_stepper(HysteresisParameters(), compiled=True))
     wire = Wire('command', 'voltage')
     for index, value in enumerate(VALUES.tolist()):
-        assert relay_inverse(memory, *wire.templates, wire.ask(value, index), index, index + 5)
+        assert wire.relay(
+            relay_inverse, [memory], wire.ask(value, index), index, index + 5)
         assert wire.answer() == (index + 5, python(value))
         assert wire.recent[(index + 5) % 7] == wire.answer()[1]
 
@@ -56,13 +62,13 @@ def test_readings_are_those_of_the_python_step():
     noise = np.random.default_rng(2).normal(size=COUNT)
     wire, held_v = Wire('voltage', 'displacement'), np.zeros(1)
     for index, value in enumerate(VALUES.tolist()):
-        assert relay_rig(
-            memory, held_v, 1, noise, *wire.templates, wire.ask(value, index), index, index + 1)
+        assert wire.relay(
+            relay_rig, [memory, held_v, 1, noise], wire.ask(value, index), index, index + 1)
         assert wire.answer() == (index + 1, python(value, noise[index]))
         assert held_v[0] == value
     # No noise is left.
-    assert not relay_rig(
-        memory, held_v, 1, noise, *wire.templates, wire.ask(0.0, COUNT), COUNT, COUNT + 1)
+    assert not wire.relay(
+        relay_rig, [memory, held_v, 1, noise], wire.ask(0.0, COUNT), COUNT, COUNT + 1)
 
 
 @pytest.mark.parametrize('scheme', ['fb', 'fbff'])
@@ -76,8 +82,8 @@ def test_commands_are_those_of_the_python_step(scheme):
     first = 40
     for k, value in enumerate(VALUES.tolist()):
         at = first + k
-        assert relay_controller(
-            packed.packed, first, first, reference_um, feedforward_um, *wire.templates,
+        assert wire.relay(
+            relay_controller, [packed.packed, first, first, reference_um, feedforward_um],
             wire.ask(value, at), at, at)
         assert wire.answer() == (at, controller_step(
             state, constants, k, reference_um[k], feedforward_um[k], value))
@@ -103,8 +109,15 @@ def test_whatever_is_not_simply_the_next_sample_changes_nothing():
         *(_changed(good, place) for place in range(len(good) - 8))]
     before = memory.copy(), bytes(wire.message), wire.recent.copy()
     for raw in others:
-        assert not relay_inverse(memory, *wire.templates, raw, 3, 3)
+        assert not wire.relay(relay_inverse, [memory], raw, 3, 3)
     assert np.array_equal(memory, before[0])
     assert bytes(wire.message) == before[1]
     assert np.array_equal(wire.recent, before[2])
-    assert relay_inverse(memory, *wire.templates, good, 3, 3)
+    assert wire.relay(relay_inverse, [memory], good, 3, 3)
+
+
+@pytest.mark.parametrize('wrong', [
+    np.zeros((2, 2)), np.zeros(8)[::2], np.zeros(3, np.float32), np.zeros(3, np.int64)])
+def test_arrays_that_a_kernel_would_misread_are_refused(wrong):
+    with pytest.raises(ValueError, match='allowed are contiguous one-dimensional'):
+        Operands(1, wrong)
