@@ -1,7 +1,6 @@
 """What a graph of four processes costs beside its speed: start, memory, idling, and its answers."""
 
 import json
-import os
 import statistics
 import tempfile
 import time
@@ -192,8 +191,10 @@ def _graph(planned: PlannedRun, *, composed: bool = False) -> Iterator[_Graph]:
 
 def _processor_s(pid: int) -> float:
     """Return the processor time that a process has taken."""
-    fields = Path(f'/proc/{pid}/stat').read_text(encoding='utf-8').rpartition(') ')[2].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf('SC_CLK_TCK')
+    # The times of `stat` count in hundredths of a second, those of the scheduler in nanoseconds.
+    return 1e-9 * sum(
+        int(path.read_text(encoding='utf-8').split()[0])
+        for path in Path(f'/proc/{pid}/task').glob('*/schedstat'))
 
 
 def _resident_mb(pid: int) -> float:
