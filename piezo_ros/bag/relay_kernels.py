@@ -17,7 +17,7 @@ from piezo_ros.model import stepping
 from piezo_ros.model.compiled import brief_kernel, bytes_at, floats_at
 from piezo_ros.model.step import step
 
-__all__ = ['relay_controller', 'relay_inverse', 'relay_rig', 'relay_rig_creeping']
+__all__ = ['relay_controller', 'relay_inverse', 'relay_rig']
 
 # Index, sample period and sample are the last three numbers of a message.
 _INDEX, _PERIOD, _SAMPLE = 24, 16, 8
@@ -95,37 +95,23 @@ def relay_inverse(places: _Places, raw: bytes, index: int, answer_index: int) ->
 @brief_kernel
 def relay_rig(places: _Places, raw: bytes, index: int, answer_index: int) -> bool:
     """
-    Answer a voltage with a reading, see `hold_packed`.
+    Answer a voltage with a reading, see `hold_packed` and `hold_packed_creeping`.
 
-    Operands: memory; where the voltage is left; index of the first noise, noise; and what the relay
-    adds.
+    Operands: memory; where the voltage is left; whether the rig creeps; index of the first noise,
+    noise; and what the relay adds.
     """
-    noise, expected = floats_at(places, 3), bytes_at(places, 4)
-    at = answer_index - places[4]
+    noise, expected = floats_at(places, 4), bytes_at(places, 5)
+    at = answer_index - places[6]
     if not (0 <= at < len(noise) and _is_next(raw, expected, index)):
         return False
     memory, held_v = floats_at(places, 0), floats_at(places, 1)
     voltage_v = _number(raw, len(raw) - _SAMPLE)
     held_v[0] = voltage_v
-    _answer(
-        bytes_at(places, 5), floats_at(places, 6), answer_index,
-        _hold_packed(memory, voltage_v, noise[at]))
-    return True
-
-
-@brief_kernel
-def relay_rig_creeping(places: _Places, raw: bytes, index: int, answer_index: int) -> bool:
-    """Do as `relay_rig`, see `hold_packed_creeping`."""
-    noise, expected = floats_at(places, 3), bytes_at(places, 4)
-    at = answer_index - places[4]
-    if not (0 <= at < len(noise) and _is_next(raw, expected, index)):
-        return False
-    memory, held_v = floats_at(places, 0), floats_at(places, 1)
-    voltage_v = _number(raw, len(raw) - _SAMPLE)
-    held_v[0] = voltage_v
-    _answer(
-        bytes_at(places, 5), floats_at(places, 6), answer_index,
-        _hold_packed_creeping(memory, voltage_v, noise[at]))
+    if places[4]:
+        displacement_um = _hold_packed_creeping(memory, voltage_v, noise[at])
+    else:
+        displacement_um = _hold_packed(memory, voltage_v, noise[at])
+    _answer(bytes_at(places, 6), floats_at(places, 7), answer_index, displacement_um)
     return True
 
 

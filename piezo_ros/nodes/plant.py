@@ -120,12 +120,10 @@ class Plant(Stage):
         self._stage_of = (self._rig, self.settings.sample_period_s, self.settings.compiled)
 
     def _make_relay(self) -> 'Relay':
-        from piezo_ros.bag.relay_kernels import relay_rig, relay_rig_creeping
+        from piezo_ros.bag.relay_kernels import relay_rig
         from piezo_ros.nodes.relay import Relay
-        relay = Relay(
-            self._voltage, self._displacement,
-            relay_rig_creeping if self._creeps else relay_rig, self._poll_other)
-        relay.bind(packed_memory(self._hold), self._held_v, *self._noise.window(0))
+        relay = Relay(self._voltage, self._displacement, relay_rig, self._poll_other)
+        self._bind(relay)  # what must be compiled or loaded is so before the first sample
         return relay
 
     def begin_at(self, index: int) -> None:
@@ -156,9 +154,12 @@ class Plant(Stage):
 
     def _lend(self, relay: 'Relay') -> None:
         """Let the relay go on as far as there is noise at hand."""
-        window = self._noise.window(self._displacement.next_index)
-        relay.bind(packed_memory(self._hold), self._held_v, *window)
+        self._bind(relay)
         self.quick = relay.poll
+
+    def _bind(self, relay: 'Relay') -> None:
+        window = self._noise.window(self._displacement.next_index)
+        relay.bind(packed_memory(self._hold), self._held_v, int(self._creeps), *window)
 
     def _poll_other(self) -> bool:
         # At the end of its noise the relay cannot go on either.

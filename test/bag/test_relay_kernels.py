@@ -56,19 +56,20 @@ def test_voltages_are_those_of_the_python_step():
         assert wire.recent[(index + 5) % 7] == wire.answer()[1]
 
 
-def test_readings_are_those_of_the_python_step():
-    python = rig_stepper(RigParameters(), PERIOD_S)
-    memory = packed_memory(rig_stepper(RigParameters(), PERIOD_S, compiled=True))
+@pytest.mark.parametrize('creeps', [False, True])
+def test_readings_are_those_of_the_python_step(creeps):
+    rig = RigParameters(creep_per_decade=0.02 if creeps else 0.0)
+    python = rig_stepper(rig, PERIOD_S)
+    memory = packed_memory(rig_stepper(rig, PERIOD_S, compiled=True))
     noise = np.random.default_rng(2).normal(size=COUNT)
     wire, held_v = Wire('voltage', 'displacement'), np.zeros(1)
+    operands = [memory, held_v, int(creeps), 1, noise]
     for index, value in enumerate(VALUES.tolist()):
-        assert wire.relay(
-            relay_rig, [memory, held_v, 1, noise], wire.ask(value, index), index, index + 1)
+        assert wire.relay(relay_rig, operands, wire.ask(value, index), index, index + 1)
         assert wire.answer() == (index + 1, python(value, noise[index]))
         assert held_v[0] == value
     # No noise is left.
-    assert not wire.relay(
-        relay_rig, [memory, held_v, 1, noise], wire.ask(0.0, COUNT), COUNT, COUNT + 1)
+    assert not wire.relay(relay_rig, operands, wire.ask(0.0, COUNT), COUNT, COUNT + 1)
 
 
 @pytest.mark.parametrize('scheme', ['fb', 'fbff'])
