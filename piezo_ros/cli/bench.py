@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 
 __all__ = ['add_command']
 
+_PICTURES: Final = ('.svg', '.png')
 _EXAMPLES: Final = """\
 examples:
   piezo bench
@@ -45,7 +46,8 @@ def add_command(commands: Any) -> None:
     parser.add_argument(
         '--draw', type=Path, metavar='FILE',
         help='measure nothing, draw the ratios of an earlier --json; needs -o')
-    parser.add_argument('-o', '--output', type=Path, metavar='SVG', help='picture of --draw')
+    parser.add_argument(
+        '-o', '--output', type=Path, metavar='PICTURE', help='picture of --draw, .svg or .png')
     parser.set_defaults(function=_bench)
 
 
@@ -65,6 +67,9 @@ def _bench(options: argparse.Namespace) -> int:
             raise BenchmarkError(f'--rounds is {options.rounds}, it must be at least 1')
         if (options.draw is None) != (options.output is None):
             raise BenchmarkError('--draw and -o belong together')
+        if options.output and options.output.suffix not in _PICTURES:
+            raise BenchmarkError(
+                f'-o is {options.output}, it must end in {" or ".join(_PICTURES)}')
         if options.draw:
             return _draw(read_record(options.draw), options.output)
         table, ratios, without = _everything()
@@ -142,7 +147,11 @@ def _report_changes(found: 'list[Change]') -> bool:
 
 def _draw(record: dict[str, Any], output: Path) -> int:
     from piezo_ros.report.bench_figure import bench_figure
-    from piezo_ros.report.rendering import svg
-    output.write_text(svg(bench_figure(record), 'bench'), encoding='utf-8')
+    from piezo_ros.report.rendering import png, svg
+    figure = bench_figure(record)
+    if output.suffix == '.png':
+        output.write_bytes(png(figure))
+    else:
+        output.write_text(svg(figure, 'bench'), encoding='utf-8')
     print(f'picture: {output}')
     return 0

@@ -63,12 +63,15 @@ def test_the_picture_is_drawn_from_the_file(tmp_path, capsys):
     assert re.search(r'>Kernels, ns/sample<', text)
     assert re.search(r'>inverse<', text)
     assert 'chain' not in text
+    assert main(['bench', '--draw', str(path), '-o', str(picture.with_suffix('.png'))]) == 0
+    assert picture.with_suffix('.png').read_bytes().startswith(b'\x89PNG')
 
 
 @pytest.mark.parametrize(('arguments', 'message'), [
     (['--only', 'nothing'], "'nothing' is no measurement and no group"),
     (['--compare', 'none.json'], 'cannot read none.json'),
     (['--draw', 'none.json'], '--draw and -o belong together'),
+    (['--draw', 'none.json', '-o', 'a.pdf'], '-o is a.pdf, it must end in .svg or .png'),
     (['--rounds', '0'], '--rounds is 0'),
     (['--append'], '--append needs --json'),
 ])
