@@ -71,7 +71,6 @@ class Monitor:
         self._stage = stage
         self._publishers: dict[str, Any] = {}
         self._shown: dict[str, tuple[int, float]] = {}  # samples sent by then, and when
-        self._rate_hz = 0.0
         self._timer = SteadyTimer(stage, self.show)
 
     def create_endpoints(self) -> None:
@@ -83,26 +82,19 @@ class Monitor:
     def run_at(self, rate_hz: float) -> None:
         """Show so often from now on; 0 for never."""
         self._shown.clear()
-        self._rate_hz = rate_hz if self._publishers else 0.0
-        self._timer.run_at(self._rate_hz)
+        self._timer.run_at(rate_hz if self._publishers else 0.0)
 
     def show(self) -> None:
         """Publish what has come since the last time, and now and then what is still the newest."""
         now_s = time.monotonic()
-        news = False
         for stream, publisher in self._publishers.items():
             writer = self._stage.writers.get(stream)
             if writer is None or not writer.sent:
                 continue
             sent, at_s = self._shown.get(stream, (0, now_s))
-            news = news or writer.sent != sent
             if writer.sent != sent or now_s - at_s >= _REPEAT_S:
                 self._shown[stream] = writer.sent, now_s
                 publisher.publish(Float64(data=writer.newest))
-        if self._rate_hz > 1.0 / _REPEAT_S and not (news or self._stage.running):
-            # The run is over: a timer that finds nothing would be most of what the node costs.
-            self._rate_hz = 1.0 / _REPEAT_S
-            self._timer.run_at(self._rate_hz)
 
 
 class Diagnostics:
