@@ -1,5 +1,6 @@
 """The process around one or several stages: signals, executor thread, stream loop, exit code."""
 
+import gc
 import os
 import signal
 import sys
@@ -8,6 +9,7 @@ import time
 import warnings
 from collections.abc import Callable, Sequence
 from types import FrameType
+from typing import Any
 
 import rclpy
 from rclpy.exceptions import ParameterException
@@ -15,6 +17,7 @@ from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.signals import SignalHandlerOptions
 
 from piezo_ros.nodes.executables import PARENT_VARIABLE
+from piezo_ros.nodes.exit_guard import exit_after
 from piezo_ros.nodes.middleware import set_middleware_defaults
 from piezo_ros.nodes.stage import Stage
 
@@ -28,6 +31,8 @@ _FOLLOW_S = 0.001  # how long an empty trajectory naps: blocks without feedback 
 _SHORT_SLEEP_S = 0.001
 _ACKNOWLEDGE_S = 5.0  # how long the readers, of which one may be dead, have for the last messages
 _DISCOVER_S = 1.0  # how long a supervisor has to discover a process that it ends so soon
+_CLOSE_S = 1.0  # how long a service that is being answered may take to its end
+_LEAVE_S = 4.0  # how long the middleware may take to let the process go
 _FLOW = ('controller', 'compensator', 'plant')
 
 
@@ -79,6 +84,9 @@ def host(make_stages: Callable[[], Sequence[Stage]], arguments: list[str] | None
     try:
         return _serve(make_stages, stop)
     finally:
+        # The nodes leave the graph here and now, not in whatever order Python clears its modules.
+        stop.stages = []
+        gc.collect()
         rclpy.try_shutdown()
 
 
@@ -104,6 +112,7 @@ def _serve(make_stages: Callable[[], Sequence[Stage]], stop: _Stop) -> int:
 
     thread = threading.Thread(target=serve_services, name='executor', daemon=True)
     thread.start()
+    code = 1
     try:
         started = _bring_up(stages, stop)
         if started:
@@ -121,13 +130,27 @@ def _serve(make_stages: Callable[[], Sequence[Stage]], stop: _Stop) -> int:
             stage.await_acknowledgements(
                 now + _ACKNOWLEDGE_S, now + _DISCOVER_S if supervised else now)
         failed = not started or any(stage.failed for stage in stages)
-        return 1 if failed or cut_short else 0
+        code = 1 if failed or cut_short else 0
     finally:
+        exit_after(_LEAVE_S, code)
         closing.set()
         executor.wake()
-        thread.join(timeout=2.0)
+        _take_down(stages, executor, thread)
+    return code
+
+
+def _take_down(stages: Sequence[Stage], executor: Any, thread: threading.Thread) -> None:
+    """Let the executor's thread come to its end, and then the nodes."""
+    deadline = time.monotonic() + _CLOSE_S
+    while thread.is_alive() and time.monotonic() < deadline:
+        # A service that came last waits for the stream loop, which is over.
         for stage in stages:
-            stage.destroy_node()
+            stage.serve_request()
+        thread.join(0.01)
+    # Before the nodes go: it has callbacks with the middleware on what they own.
+    executor.shutdown(_CLOSE_S)
+    for stage in stages:
+        stage.destroy_node()
 
 
 def _bring_up(stages: Sequence[Stage], stop: _Stop) -> bool:

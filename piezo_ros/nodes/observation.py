@@ -1,5 +1,6 @@
 """What a stage shows of itself beside its streams: monitor topics and diagnostics."""
 
+import math
 import time
 import traceback
 from collections.abc import Callable
@@ -36,15 +37,18 @@ class SteadyTimer:
     """
 
     def __init__(self, stage: 'Stage', callback: Callable[[], None]) -> None:
-        def call() -> None:
-            try:
-                callback()
-            except Exception:  # The executor would end for it, and every service with it.
-                stage.get_logger().error(traceback.format_exc(), throttle_duration_sec=10.0)
-
+        self._stage = stage
+        self._callback = callback
         self._timer = stage.create_timer(
-            1.0, call, clock=Clock(clock_type=ClockType.STEADY_TIME))
+            1.0, self.call, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._timer.cancel()
+
+    def call(self) -> None:
+        """Call it now; what goes wrong is logged."""
+        try:
+            self._callback()
+        except Exception:  # The executor would end for it, and every service with it.
+            self._stage.get_logger().error(traceback.format_exc(), throttle_duration_sec=10.0)
 
     def run_at(self, rate_hz: float) -> None:
         """Call so often from now on; 0 for never."""
@@ -72,6 +76,8 @@ class Monitor:
         self._publishers: dict[str, Any] = {}
         self._shown: dict[str, tuple[int, float]] = {}  # samples sent by then, and when
         self._timer = SteadyTimer(stage, self.show)
+        self._rate_hz = 0.0
+        self._most_hz = 0.0  # what the moment allows
 
     def create_endpoints(self) -> None:
         """Create a publisher for each output; they go when the stage is cleaned up."""
@@ -79,10 +85,30 @@ class Monitor:
             stream: self._stage.create_own_publisher(Float64, f'monitor/{stream}', NEWEST)
             for stream in self._stage.writers}
 
-    def run_at(self, rate_hz: float) -> None:
-        """Show so often from now on; 0 for never."""
+    def start(self) -> None:
+        """Show what a run sends from now on."""
         self._shown.clear()
-        self._timer.run_at(rate_hz if self._publishers else 0.0)
+        self._allow(math.inf)
+
+    def rest(self) -> None:
+        """Show the end of a run, and from now on only repeat it."""
+        if self._rate_hz:
+            self._timer.call()
+        self._allow(min(self._most_hz, 1.0 / _REPEAT_S))
+
+    def stop(self) -> None:
+        """Show nothing from now on."""
+        self._allow(0.0)
+
+    def use_rate(self, rate_hz: float) -> None:
+        """Show so often while a run goes on; 0 for never."""
+        if rate_hz != self._rate_hz:
+            self._rate_hz = rate_hz
+            self._allow(self._most_hz)
+
+    def _allow(self, most_hz: float) -> None:
+        self._most_hz = most_hz
+        self._timer.run_at(min(self._rate_hz, most_hz) if self._publishers else 0.0)
 
     def show(self) -> None:
         """Publish what has come since the last time, and now and then what is still the newest."""

@@ -162,6 +162,7 @@ class Stage(StreamNode):
     def _read_parameters(self) -> None:
         self._reread = False
         self.settings = read(self, StageParameters)
+        self._monitor.use_rate(self.settings.monitor_rate_hz)
         self.configure()
 
     def _refuse(self, transition: str, why: Exception | str) -> TransitionCallbackReturn:
@@ -209,6 +210,7 @@ class Stage(StreamNode):
             except Exception as error:  # rclpy would swallow it.
                 problem.append(error)
                 return
+            self._monitor.start()
             self.running = True
             self._report('active')
             self.get_logger().info(f'run {self.run_number} begins')
@@ -216,7 +218,6 @@ class Stage(StreamNode):
         self.between_samples(begin)
         if problem:
             return self._refuse('activate', problem[0])
-        self._monitor.run_at(self.settings.monitor_rate_hz)
         return TransitionCallbackReturn.SUCCESS
 
     def _take_changed_parameters(self) -> None:
@@ -236,7 +237,7 @@ class Stage(StreamNode):
         self.between_samples(lambda: self.stop('deactivated'))
         for reader in self.readers.values():
             reader.drain()
-        self._monitor.run_at(0.0)
+        self._monitor.stop()
         self._report('inactive')
         return TransitionCallbackReturn.SUCCESS
 
@@ -253,7 +254,7 @@ class Stage(StreamNode):
 
     def _destroy_endpoints(self) -> None:
         self.is_configured = False
-        self._monitor.run_at(0.0)
+        self._monitor.stop()
         for reader in self.readers.values():
             self.destroy_stream_subscription(reader.subscription)
         for writer in self.writers.values():
@@ -306,8 +307,7 @@ class Stage(StreamNode):
         self._reread = True
         self.settings = read(self, StageParameters)
         self.parameters_changed()
-        if self.running and any(change.name == 'monitor_rate_hz' for change in changes):
-            self._monitor.run_at(self.settings.monitor_rate_hz)
+        self._monitor.use_rate(self.settings.monitor_rate_hz)
 
     # -- stream loop ------------------------------------------------------------------------------
 
@@ -391,6 +391,7 @@ class Stage(StreamNode):
         except Exception:  # The report of how it ended must go out all the same.
             self.failed = True
             self.get_logger().error(traceback.format_exc())
+        self._monitor.rest()
         self._tell_end()
         self._report(state)
 
