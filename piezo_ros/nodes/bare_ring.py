@@ -16,6 +16,8 @@ import rclpy
 from std_msgs.msg import Float64MultiArray
 
 from piezo_ros.bag import BlockCodec
+from piezo_ros.nodes.bursts import NAP_S
+from piezo_ros.nodes.exit_guard import exit_after
 from piezo_ros.nodes.middleware import set_middleware_defaults
 from piezo_ros.nodes.qos import STREAM
 
@@ -23,6 +25,7 @@ __all__ = ['HOPS', 'main']
 
 HOPS = 3
 _PATIENCE_S = 20.0
+_LEAVE_S = 2.0
 
 
 def main() -> int:
@@ -75,12 +78,16 @@ def main() -> int:
             publish(raw)
             if raw == end and (not leads or count >= rounds):
                 writers[-1].wait_for_all_acked(rclpy.duration.Duration(seconds=2.0))
+                exit_after(_LEAVE_S, 0)
                 rclpy.try_shutdown()
                 return 0
         if progress:
             last = time.perf_counter()
         else:
-            os.sched_yield()
+            if samples > 1:
+                time.sleep(NAP_S)
+            else:
+                os.sched_yield()
             if time.perf_counter() - last > _PATIENCE_S:
                 print('the ring has stopped', file=sys.stderr)
                 return 1

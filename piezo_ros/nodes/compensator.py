@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from piezo_ros.model.hysteresis import HysteresisParameters
 from piezo_ros.model.stepping import compensator_stepper, packed_memory
+from piezo_ros.nodes.bursts import answer_burst
 from piezo_ros.nodes.parameters import read
 from piezo_ros.nodes.stage import Stage
 
@@ -56,15 +57,13 @@ class Compensator(Stage):
         return True
 
     def _poll_other(self) -> bool:
-        samples = self._command.take_rest()
-        if samples is None:
-            return False
-        self.in_blocks = samples.size > 1
-        if samples.size:
-            self._voltage.publish(self._answer(samples))
-        else:
+        """Answer the blocks that wait."""
+        longest = answer_burst(self._command, self._voltage, self._answer)
+        if longest:
+            self.in_blocks = longest > 1
+        if self._command.ended:
             self.finish()
-        return True
+        return longest > 0 or self._command.ended
 
     def _answer(self, command_um: NDArray[np.float64]) -> list[float] | NDArray[np.float64]:
         if not self.settings.compiled:

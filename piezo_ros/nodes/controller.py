@@ -21,6 +21,7 @@ from piezo_ros.control.controller import (
 from piezo_ros.control.stepping import PackedController
 from piezo_ros.experiment.node_parameters import DemandParameters
 from piezo_ros.model.parameters import ParameterError
+from piezo_ros.nodes.bursts import BURST_BLOCKS, BlockBuffer, publish_blocks
 from piezo_ros.nodes.demand import DemandWriter
 from piezo_ros.nodes.law_schedule import NEVER, LawSchedule
 from piezo_ros.nodes.parameters import read
@@ -114,6 +115,7 @@ class Controller(Stage):
         self._command = self.writers['command']
         self._first = max(self.settings.start_index, 0)
         self._commands_ended = False
+        self._targets = BlockBuffer(self._reference), BlockBuffer(self._feedforward)
         # What must be done before the next sample can be; None for nothing.
         self._prepare: Callable[[], bool] | None = None
         if self.settings.start_index < 0:
@@ -285,9 +287,12 @@ class Controller(Stage):
 
     def _poll_blocks(self) -> bool:
         progress = self._take_displacement()
-        if self._packed and self._answer_whole_blocks(self._packed):
-            self._skip_feedforward()
-            return True
+        if self._packed:
+            if self._answer_blocks(self._packed):
+                self._skip_feedforward()
+                return True
+            if self._targets[0].size:  # for the feedforward
+                return progress
         if self._next_target():
             if self._index == self._schedule.change_at:
                 self._change()
@@ -310,10 +315,13 @@ class Controller(Stage):
         return self._check_end() or progress
 
     def _take_displacement(self) -> bool:
-        """Take a block of the displacement, of which only the newest samples are of interest."""
+        """Take what has come of the displacement; only the newest samples are of interest."""
         # A scheme that is to come may ask for the last measurements before its first sample.
-        return self._displacement.take_from(
-            self._first + self._index - len(self._memory.measured_um))
+        wanted = self._first + self._index - len(self._memory.measured_um)
+        taken = 0
+        while taken < BURST_BLOCKS and self._displacement.take_from(wanted):
+            taken += 1
+        return taken > 0
 
     def _skip_feedforward(self) -> None:
         """Take the feedforward also where the scheme does not use it: its writer would wait."""
@@ -321,29 +329,31 @@ class Controller(Stage):
             while self._feedforward.take_from(self._command.next_index):
                 pass
 
-    def _answer_whole_blocks(self, packed: PackedController) -> bool:
-        """Answer a block of targets in compiled code, if nothing else is to be done meanwhile."""
-        reference, feedforward = self._reference, self._feedforward
-        if self._schedule.change_at != NEVER or reference.queue or (
-                self._feeds_forward and feedforward.queue):
+    def _answer_blocks(self, packed: PackedController) -> bool:
+        """Answer the targets that wait in compiled code, if nothing else is to be done."""
+        reference, feedforward = self._targets
+        if self._schedule.change_at != NEVER or self._reference.queue or (
+                self._feeds_forward and self._feedforward.queue):
+            reference.pour()
+            feedforward.pour()
             return False
-        reference_um = reference.take_array()
-        if reference_um is None:
-            return False
-        feedforward_um = (
-            feedforward.take_array() if self._feeds_forward else np.zeros_like(reference_um))
-        if feedforward_um is None or feedforward_um.size != reference_um.size:
-            # They are cut differently, or one is late.
-            reference.queue.extend(reference_um.tolist())
-            feedforward.queue.extend([] if feedforward_um is None else feedforward_um.tolist())
-            return False
-        if not reference_um.size:
+        reference.fill()
+        count = reference.size
+        if self._feeds_forward and count:
+            feedforward.fill()
+            count = min(count, feedforward.size)
+        if not count:
             return False
         from piezo_ros.control.kernels import controller_packed_array
+        blocks = reference.pull(count)
+        reference_um = np.concatenate(blocks)
+        feedforward_um = (
+            np.concatenate(feedforward.pull(count)) if self._feeds_forward
+            else np.zeros_like(reference_um))
         command_um = np.empty_like(reference_um)
         controller_packed_array(
             packed.packed, self._index, reference_um, feedforward_um, command_um)
-        self._command.publish(command_um)
+        publish_blocks(self._command, command_um, [block.size for block in blocks])
         return True
 
     def _next_target(self) -> bool:

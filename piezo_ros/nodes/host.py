@@ -16,6 +16,7 @@ from rclpy.exceptions import ParameterException
 from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.signals import SignalHandlerOptions
 
+from piezo_ros.nodes.bursts import NAP_S
 from piezo_ros.nodes.executables import PARENT_VARIABLE
 from piezo_ros.nodes.exit_guard import exit_after
 from piezo_ros.nodes.middleware import set_middleware_defaults
@@ -26,8 +27,7 @@ __all__ = ['host']
 _HOUSEKEEPING_S = 0.05
 _TURNS = 64  # of the stages in which others wait, between two looks at all the rest
 _YIELD_S = 0.02  # how long an empty loop only yields before it sleeps
-_NAP_S = 0.00005  # of who has no block: who only yields takes the time of who has one
-_FOLLOW_S = 0.001  # how long an empty trajectory naps: blocks without feedback are soon used up
+_FOLLOW_S = 0.005  # how long an empty trajectory naps: blocks without feedback are soon used up
 _SHORT_SLEEP_S = 0.001
 _ACKNOWLEDGE_S = 5.0  # how long the readers, of which one may be dead, have for the last messages
 _DISCOVER_S = 1.0  # how long a supervisor has to discover a process that it ends so soon
@@ -183,7 +183,7 @@ def _stream_loop(stages: Sequence[Stage], stop: _Stop) -> None:
         if progress:
             idle_since = now
         elif naps and now - idle_since < patience_s:
-            time.sleep(_NAP_S)
+            time.sleep(NAP_S)
         elif now - idle_since > _YIELD_S or not waited_for:
             if any(stage.running for stage in stages):
                 time.sleep(_SHORT_SLEEP_S)

@@ -17,6 +17,7 @@ from piezo_ros.experiment.node_parameters import (
 from piezo_ros.model.noise import NoiseSource
 from piezo_ros.model.rig import RigParameters, measure_step, rig_constants
 from piezo_ros.model.stepping import packed_memory, rig_stepper, saturated_samples
+from piezo_ros.nodes.bursts import answer_burst, publish_blocks
 from piezo_ros.nodes.demand import DemandWriter
 from piezo_ros.nodes.pace import Pace
 from piezo_ros.nodes.parameters import read
@@ -164,11 +165,7 @@ class Plant(Stage):
     def _poll_other(self) -> bool:
         # At the end of its noise the relay cannot go on either.
         self.quick = self.poll
-        samples = self._voltage.take_rest()
-        if samples is None:
-            return False
-        self._answer(samples)
-        return True
+        return self._answer_waiting()
 
     def _answer_one(self, sample: float) -> None:
         self._voltage_v = sample
@@ -177,23 +174,27 @@ class Plant(Stage):
         if self._demand:
             self._demand.update(index)
 
-    def _answer(self, samples: NDArray[np.float64]) -> None:
-        if self._displacement.sent == 1:
-            self._began_s = time.perf_counter()  # the first block never comes by `take_one`
-        self.in_blocks = samples.size > 1
-        if samples.size == 1:
-            self._answer_one(float(samples[0]))
-            return
-        if samples.size:
-            self._displacement.publish(self._hold_block(samples))
-            self._voltage_v = samples[-1]
-        else:
+    def _answer_waiting(self) -> bool:
+        """Answer the block at hand and those that wait; return whether there was anything."""
+        longest = answer_burst(self._voltage, self._displacement, self._hold_block)
+        if longest:
+            self.in_blocks = longest > 1
+        elif not self._voltage.ended:
+            return False
+        self._after_block()
+        return True
+
+    def _after_block(self) -> None:
+        if self._voltage.ended:
             self._elapsed_s = time.perf_counter() - self._began_s
             self.finish()
         if self._demand:
             self._demand.update(self._index)
 
     def _hold_block(self, voltage_v: NDArray[np.float64]) -> list[float] | NDArray[np.float64]:
+        if self._displacement.sent == 1:
+            self._began_s = time.perf_counter()  # the first block never comes by `take_one`
+        self._voltage_v = voltage_v[-1]
         noise = self._noise.block(self._displacement.next_index, voltage_v.size)
         if not self.settings.compiled:
             return [
@@ -219,7 +220,9 @@ class Plant(Stage):
             if left_s > _NAP_S:
                 return False
         samples, self._held = self._held, None
-        self._answer(samples)
+        if samples.size:
+            publish_blocks(self._displacement, self._hold_block(samples), [samples.size])
+        self._after_block()
         return True
 
     def watch(self, now_s: float) -> None:

@@ -67,13 +67,13 @@ class StreamCopy:
                 self._sent, self._period_s, self.recent[at:at + count]))
             self._advance(next_index)
 
-    def pass_on(self, raw: bytes, index: int, count: int) -> None:
+    def pass_on(self, raw: bytes | bytearray, index: int, count: int) -> None:
         """Send a block as it is, after what has been collected before its index."""
         self.flush(index)
         self._publish(raw)
         self._advance(index + count)
 
-    def _publish(self, raw: bytes) -> None:
+    def _publish(self, raw: bytes | bytearray) -> None:
         self.outlet.publish(raw, self._sent)
 
     def _advance(self, index: int) -> None:

@@ -35,6 +35,7 @@ if TYPE_CHECKING:
 
 __all__ = ['StreamFault', 'StreamReader', 'StreamWriter']
 
+_all = np.logical_and.reduce
 _unpack_number = struct.Struct('<d').unpack_from
 _WARN_S = 2.0  # a warning of one kind at most this often
 
@@ -69,6 +70,9 @@ class StreamWriter:
         head, numbers = self._codec.single
         self.message = bytearray(head) + bytes(numbers.size)
         self._write_numbers = partial(numbers.pack_into, self.message, len(head))
+        # A longer block likewise, as long as all have the same length.
+        self._block = bytearray()
+        self._block_numbers: NDArray[np.float64] = np.empty(0)
         self._period_s = 0.0
         self._first = 0
         self._ended = False
@@ -124,12 +128,19 @@ class StreamWriter:
                 copy.flush(index + 1)
 
     def publish(self, values: Sequence[float] | NDArray[np.float64]) -> None:
-        """Publish the next samples as one block."""
-        raw = self._codec.encode(self.next_index, self._period_s, values)
-        self.outlet.publish(raw, self.next_index)
+        """Publish the next samples, at least one, as one block."""
+        count = len(values)
+        if self._block_numbers.size != count + 2:
+            head = self._codec.header(count)[0]
+            self._block = bytearray(head) + bytes(8 * (count + 2))
+            self._block_numbers = np.frombuffer(self._block, '<f8', -1, len(head))
+        numbers = self._block_numbers
+        numbers[0], numbers[1] = self.next_index, self._period_s
+        numbers[2:] = values
+        self.outlet.publish(self._block, self.next_index)
         if self.copy:
-            self.copy.pass_on(raw, self.next_index, len(values))
-        self.next_index += len(values)
+            self.copy.pass_on(self._block, self.next_index, count)
+        self.next_index += count
         self._write_numbers(self.next_index - 1, self._period_s, values[-1])
 
     def flush(self) -> None:
@@ -168,6 +179,9 @@ class StreamReader:
         self._take_message = self.subscription.handle.take_message
         self._period_s: float | None = None
         self._fast_period_s = math.nan  # the period while the quick path may be taken, else NaN
+        # What a block like the newest one begins with, and where its numbers are.
+        self._block_head = b''
+        self._block_size = -1
         self._first = 0
         self._any_start = False
         self._warned = 0.0
@@ -256,16 +270,33 @@ class StreamReader:
 
     def take_array(self) -> NDArray[np.float64] | None:
         """Do what `take` does, with an array."""
+        self.take_raw()
+        return self.take_rest()
+
+    def take_raw(self) -> bool:
+        """Take a message for `take_rest`; return whether there was one."""
         taken = self._take_message(Float64MultiArray, True)
         self.raw = b'' if taken is None else taken[0]
-        return self.take_rest()
+        return taken is not None
 
     def take_rest(self) -> NDArray[np.float64] | None:
         """Do as `take_other`, with an array; quicker for long blocks."""
-        if not self.raw:
+        raw = self.raw
+        if len(raw) == self._block_size and raw.startswith(self._block_head):
+            numbers = np.frombuffer(raw, np.float64, -1, len(self._block_head))
+            if numbers[0] == self.next_index and numbers[1] == self._fast_period_s:
+                samples = numbers[2:]
+                if _all(np.isfinite(samples)):
+                    self.next_index += samples.size
+                    return samples
+        if not raw:
             return None
+        return self._take_any(raw)
+
+    def _take_any(self, raw: bytes) -> NDArray[np.float64] | None:
+        """Look closely at a message, whatever it is."""
         try:
-            index, period_s, samples = self._decode(self.raw)
+            index, period_s, samples = self._decode(raw)
         except MalformedBlockError as error:
             self._refuse(str(error))
             return None
@@ -275,6 +306,8 @@ class StreamReader:
         if samples.size:
             self.next_index += samples.size
             self._fast_period_s = period_s
+            self._block_head = self._codec.header(samples.size)[0]
+            self._block_size = len(self._block_head) + 8 * (samples.size + 2)
         else:
             self.ended = True
             self._fast_period_s = math.nan

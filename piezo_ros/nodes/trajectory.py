@@ -4,6 +4,7 @@ from typing import Any
 
 from piezo_ros.control.trajectory import TrajectoryParameters, trajectory_blocks
 from piezo_ros.experiment.node_parameters import BlockParameters
+from piezo_ros.nodes.bursts import BURST_BLOCKS
 from piezo_ros.nodes.demand import NO_MORE, DemandReader
 from piezo_ros.nodes.parameters import read
 from piezo_ros.nodes.stage import Stage
@@ -48,7 +49,7 @@ class Trajectory(Stage):
         self._demand.start()
 
     def poll(self) -> bool:
-        """Send one block of what is demanded."""
+        """Send some blocks of what is demanded."""
         if self._index >= self._limit:
             if not self._demand.take():
                 return False
@@ -56,13 +57,14 @@ class Trajectory(Stage):
                 self.stop(NO_MORE)
                 return True
             self._limit = min(self._demand.limit, self._samples)
-        count = min(self._limit - self._index, self._block_samples)
+        count = min(self._limit - self._index, self._block_samples * BURST_BLOCKS)
         if count > 0:
-            blocks = self._blocks(self._index, count)
+            samples = self._blocks(self._index, count)
             self._index += count
-            # The voltage of the bare actuator is the reference alone.
-            for stream, block in zip(self._streams, blocks, strict=False):
-                stream.publish(block)
+            for first in range(0, count, self._block_samples):
+                # The voltage of the bare actuator is the reference alone.
+                for stream, ours in zip(self._streams, samples, strict=False):
+                    stream.publish(ours[first:first + self._block_samples])
         if self._index >= self._samples:
             self.finish()
         return True

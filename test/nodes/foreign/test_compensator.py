@@ -1,6 +1,7 @@
 """The compensator between foreign nodes: the contract of its two streams."""
 
 import math
+import signal
 
 import numpy as np
 import pytest
@@ -181,3 +182,24 @@ def test_who_has_sent_nothing_but_what_was_refused_may_leave(compensator, peer, 
     writer.publish(block('command', 0, COMMAND_UM))
     np.testing.assert_array_equal(peer.wait_for_samples('voltage', 300), _expected_v())
     assert process.exit_code is None
+
+
+@pytest.mark.parametrize('compiled', ['false', 'true'])
+def test_blocks_that_have_piled_up_are_answered_one_by_one_before_what_ends_the_run(
+        compensator, peer, block, compiled):
+    process, writer = compensator(compiled=compiled)
+    process.send(signal.SIGSTOP)
+    lengths = [*range(2, 22), 1, 1, 40]
+    start = 0
+    for length in lengths:
+        writer.publish(block('command', start, COMMAND_UM[start:start + length]))
+        writer.publish(block('command', start + length, [1.0, math.nan]))
+        start += length
+    writer.publish(block('command', start + 1, [1.0, 2.0]))
+    process.send(signal.SIGCONT)
+    status = peer.wait_for_status('compensator', state='faulted', index=start)
+    assert f'lacks the samples {start}' in status['reason']
+    assert status['refused'] == len(lengths)
+    _assert_end(peer, start)
+    np.testing.assert_array_equal(peer.samples('voltage'), _expected_v()[:start])
+    assert [len(message.data) - 2 for message in peer.received['voltage']] == [*lengths, 0]

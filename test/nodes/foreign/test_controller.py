@@ -178,3 +178,44 @@ def test_a_feedforward_that_comes_late_is_there_when_a_scheme_needs_it(
     assert peer.wait_for_samples('command', 300) == commands(
         (0, law), (130, law.replaced(scheme=later)))
     assert process.exit_code is None
+
+
+@pytest.mark.parametrize('scheme', ['ff', 'open_loop'])
+@pytest.mark.parametrize('compiled', ['false', 'true'])
+def test_reference_and_feedforward_may_be_cut_and_late_as_they_like(
+        controller, peer, block, scheme, compiled):
+    _, writers = controller(scheme=scheme, compiled=compiled)
+    pieces = [
+        ('reference', 0, 100), ('feedforward', 0, 3), ('feedforward', 3, 200),
+        ('reference', 100, 101), ('reference', 101, 300), ('feedforward', 200, 300)]
+    for stream, start, stop in pieces:
+        writers[stream].publish(
+            block(stream, start, SAMPLES[STREAMS.index(stream), start:stop]))
+        if stop == 200:
+            peer.wait_for_samples('command', 100)
+    expected = commands((0, ControllerParameters(scheme=scheme)))
+    assert peer.wait_for_samples('command', 300) == expected
+    # The feedforward goes on for longer than the reference, which alone tells the end.
+    writers['feedforward'].publish(block('feedforward', 300, [0.0, 0.0]))
+    writers['reference'].publish(block('reference', 300, []))
+    writers['displacement'].publish(block('displacement', 0, [*SAMPLES[2], 0.0]))
+    peer.wait(lambda: len(peer.received['command'][-1].data) == 2, 'the end of the command')
+    writers['feedforward'].publish(block('feedforward', 302, []))
+    writers['displacement'].publish(block('displacement', 301, []))
+    peer.wait_for_status('controller', state='finished', index=300)
+
+
+def test_a_scheme_with_feedback_takes_over_where_blocks_wait_for_their_feedforward(
+        controller, peer, block, send, change):
+    _, writers = controller(scheme='ff', compiled=True)
+    send(writers, 0, 50)
+    peer.wait_for_samples('command', 50)
+    send(writers, 50, 120, 'reference', 'displacement')
+    send(writers, 50, 60, 'feedforward')
+    peer.wait_for_samples('command', 60)
+    assert change(scheme='fb', apply_at_sample=80) == ''
+    send(writers, 60, 120, 'feedforward')
+    send(writers, 120, 300)
+    first = ControllerParameters(scheme='ff')
+    expected = commands((0, first), (80, first.replaced(scheme='fb')))
+    assert peer.wait_for_samples('command', 300) == expected
