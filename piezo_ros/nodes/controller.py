@@ -316,10 +316,15 @@ class Controller(Stage):
 
     def _take_displacement(self) -> bool:
         """Take what has come of the displacement; only the newest samples are of interest."""
-        # A scheme that is to come may ask for the last measurements before its first sample.
-        wanted = self._first + self._index - len(self._memory.measured_um)
+        # A scheme that is to come may ask for the last measurements before its first sample. Played
+        # from a bag it may be there, end and all, before anything is commanded: what cannot be an
+        # answer yet stays where it is.
+        displacement, commanded = self._displacement, self._command.next_index
+        wanted = commanded - len(self._memory.measured_um)
         taken = 0
-        while taken < BURST_BLOCKS and self._displacement.take_from(wanted):
+        while taken < BURST_BLOCKS and displacement.next_index <= commanded:
+            if not displacement.take_from(wanted):
+                break
             taken += 1
         return taken > 0
 
