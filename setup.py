@@ -77,7 +77,7 @@ setup(
     package_data={
         PACKAGE: ['py.typed'],
         f'{PACKAGE}.nodes': ['*.xml'],
-        f'{PACKAGE}.report': ['*.html', '*.css', '*.svg', '*/*.html', '*/*.css', '*/*.svg'],
+        f'{PACKAGE}.report': ['*.css', '*.svg'],
     },
     data_files=data_files,
     zip_safe=False,
