@@ -126,10 +126,12 @@ class StartedNode:
         """Start both."""
         # The command and what it says; gone with the file.
         self._output = tempfile.TemporaryFile()
-        # In a session of its own: a Ctrl-C reaches it through this process.
+        # In a session of its own: a Ctrl-C reaches it through this process. A shell lets what it
+        # starts behind its back ignore SIGINT, and that would be inherited.
         self._process = subprocess.Popen(
             self._command, stdin=subprocess.DEVNULL, stdout=self._output,
-            stderr=subprocess.STDOUT, start_new_session=True)
+            stderr=subprocess.STDOUT, start_new_session=True,
+            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL))
         try:
             self._probe = Probe(self._namespace, CONTRACTS[self._stage].output)
         except BaseException:
