@@ -17,7 +17,7 @@ from std_msgs.msg import Float64MultiArray
 
 from piezo_ros.bag import BlockCodec
 from piezo_ros.nodes.bursts import NAP_S
-from piezo_ros.nodes.exit_guard import exit_after
+from piezo_ros.nodes.leaving import exit_after
 from piezo_ros.nodes.middleware import set_middleware_defaults
 from piezo_ros.nodes.qos import STREAM
 

@@ -18,7 +18,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from piezo_ros.nodes.bursts import NAP_S
 from piezo_ros.nodes.executables import PARENT_VARIABLE
-from piezo_ros.nodes.exit_guard import exit_after
+from piezo_ros.nodes.leaving import exit_after
 from piezo_ros.nodes.middleware import set_middleware_defaults
 from piezo_ros.nodes.stage import Stage
 

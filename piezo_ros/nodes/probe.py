@@ -18,6 +18,7 @@ from std_msgs.msg import Float64MultiArray, MultiArrayDimension, String, UInt64
 
 from piezo_ros.bag import STREAMS
 from piezo_ros.bag.block import Block, MalformedBlockError, block_from_message_fields
+from piezo_ros.nodes.leaving import destroy_after_others
 from piezo_ros.nodes.middleware import set_middleware_defaults
 from piezo_ros.nodes.qos import EVERY_STATUS, LATCHED, STREAM
 
@@ -158,7 +159,7 @@ class Probe:
 
     def close(self) -> None:
         """Leave the graph."""
-        self.node.destroy_node()
+        destroy_after_others(self.node)
         rclpy.try_shutdown(context=self._context)
 
     def topic(self, name: str) -> str:

@@ -2,7 +2,6 @@
 
 import os
 import signal
-import time
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -10,13 +9,13 @@ import rclpy
 from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import String
 
+from piezo_ros.nodes.leaving import destroy_after_others
 from piezo_ros.nodes.middleware import set_middleware_defaults
 from piezo_ros.nodes.qos import EVERY_STATUS
 
 __all__ = ['Supervisor', 'stopped_by']
 
 _Self = TypeVar('_Self', bound='Supervisor')
-_FAREWELL_S = 0.5  # longer only a killed node is remembered
 
 
 class Supervisor:
@@ -51,18 +50,10 @@ class Supervisor:
 
     def __exit__(self, *_: object) -> None:
         """Give everything back."""
-        # Fast DDS hangs if a node is destroyed while it hears of others that leave.
-        deadline = time.monotonic() + _FAREWELL_S
-        while self._sees_others() and time.monotonic() < deadline:
-            time.sleep(0.01)
-        self._node.destroy_node()
+        destroy_after_others(self._node)
         rclpy.try_shutdown()
         for number, handler in self._old_handlers.items():
             signal.signal(number, handler)
-
-    def _sees_others(self) -> bool:
-        namespaces = [namespace for _, namespace in self._node.get_node_names_and_namespaces()]
-        return namespaces.count(self._namespace) > 1
 
     def _note(self, message: String) -> None:
         """Take a status, where the node is spun."""

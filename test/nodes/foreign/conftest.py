@@ -152,6 +152,8 @@ class Peer:
 
     def destroy(self):
         self._executor.shutdown()
+        # Fast DDS hangs if a node is destroyed while it hears of another one that leaves.
+        time.sleep(0.1)
         self.node.destroy_node()
         rclpy.try_shutdown(context=self._context)
 

@@ -1,10 +1,20 @@
-"""The way out of a process whose middleware hangs while it is taken down."""
+"""
+How a node leaves the graph, and its process the machine, although the middleware may hang in it.
+
+Fast DDS 3.2 hangs for ever, and Python with it, if somebody else's endpoint comes or goes while its
+participant is destroyed: it waits with an overflown deadline and keeps the lock that who is waited
+for needs.
+"""
 
 import ctypes
 import sys
+import time
 
-__all__ = ['exit_after']
+from rclpy.node import Node
 
+__all__ = ['destroy_after_others', 'exit_after']
+
+_FAREWELL_S = 0.5  # longer only a node that stays, or that was killed, is in sight
 _CLOCK_MONOTONIC = 1
 _SIGEV_THREAD = 2
 
@@ -34,9 +44,7 @@ def exit_after(grace_s: float, code: int) -> None:
     """
     End this process with an exit code, unless it has ended by itself in time.
 
-    Fast DDS 3.2 hangs for ever, and Python with it, if somebody else's endpoint comes or goes while
-    its participant is destroyed: it waits with an overflown deadline and keeps the lock that who is
-    waited for needs. No thread of Python gets to run any more, so the C library must do it.
+    No thread of Python gets to run where the middleware hangs, so the C library must do it.
 
     Parameters
     ----------
@@ -55,6 +63,27 @@ def exit_after(grace_s: float, code: int) -> None:
     notification = _Notification(
         value=code, kind=_SIGEV_THREAD,
         function=ctypes.cast(ctypes.CDLL(None)._exit, ctypes.c_void_p))
-    time = _Time(first_s=int(grace_s), first_ns=int(grace_s % 1.0 * 1e9))
+    first = _Time(first_s=int(grace_s), first_ns=int(grace_s % 1.0 * 1e9))
     if library.timer_create(_CLOCK_MONOTONIC, ctypes.byref(notification), ctypes.byref(timer)) == 0:
-        library.timer_settime(timer, 0, ctypes.byref(time), None)
+        library.timer_settime(timer, 0, ctypes.byref(first), None)
+
+
+def destroy_after_others(node: Node) -> None:
+    """
+    Destroy a node that stands by others, once those of its namespace have left.
+
+    Parameters
+    ----------
+    node : Node
+        The last of its context.
+
+    """
+    deadline = time.monotonic() + _FAREWELL_S
+    while _sees_others(node) and time.monotonic() < deadline:
+        time.sleep(0.01)
+    node.destroy_node()
+
+
+def _sees_others(node: Node) -> bool:
+    namespaces = [namespace for _, namespace in node.get_node_names_and_namespaces()]
+    return namespaces.count(node.get_namespace()) > 1

@@ -8,7 +8,7 @@ import pytest
 # PyDLL keeps the lock: no other thread of Python, and no signal handler, runs from then on.
 HANGING = """
 import ctypes
-from piezo_ros.nodes.exit_guard import exit_after
+from piezo_ros.nodes.leaving import exit_after
 exit_after(0.5, {code})
 ctypes.PyDLL(None).sleep(60)
 """
@@ -21,5 +21,5 @@ def test_a_process_that_hangs_ends_with_its_exit_code(code):
 
 
 def test_a_process_that_ends_by_itself_is_left_alone():
-    script = 'from piezo_ros.nodes.exit_guard import exit_after\nexit_after(30.0, 1)'
+    script = 'from piezo_ros.nodes.leaving import exit_after\nexit_after(30.0, 1)'
     assert subprocess.run([sys.executable, '-c', script], timeout=20).returncode == 0
