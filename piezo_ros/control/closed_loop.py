@@ -19,10 +19,10 @@ from piezo_ros.control.controller import (
 from piezo_ros.control.controller import initial_state as initial_controller_state
 from piezo_ros.control.trajectory import (
     TrajectoryParameters,
+    compiled_trajectory,
     trajectory_blocks,
-    trajectory_constants,
 )
-from piezo_ros.model.hysteresis import HysteresisParameters, hysteresis_constants
+from piezo_ros.model.hysteresis import HysteresisParameters, hysteresis_constants, hysteresis_state
 from piezo_ros.model.noise import unit_noise
 from piezo_ros.model.rig import Rig, RigParameters, as_arrays, rig_constants
 from piezo_ros.model.rig import initial_state as initial_rig_state
@@ -113,9 +113,9 @@ def simulate(
         np.empty(samples), np.empty(samples), np.empty(samples), np.empty(samples),
         np.empty(samples + 1))
     rig = rig_constants(plant, period_s)
-    waveform = as_arrays(trajectory_constants(trajectory))
+    waveform = compiled_trajectory(trajectory)
     memory = initial_controller_state(controller, np.array)
-    play_um = np.zeros(len(compensator.saturation_v))
+    inverse_state = np.array(hysteresis_state([0.0] * len(compensator.saturation_v)))
     inverse = as_arrays(hysteresis_constants(compensator))
     stage, stage_constants = initial_rig_state(rig, np.array), as_arrays(rig)
     noise = unit_noise(plant.seed, 0, samples + 1)
@@ -123,6 +123,6 @@ def simulate(
         if start:
             prepare_transfer(memory)
         closed_loop(
-            waveform, memory, as_arrays(controller_constants(law, period_s)), play_um, inverse,
-            stage, stage_constants, noise, run, start, stop)
+            waveform, memory, as_arrays(controller_constants(law, period_s)), inverse_state,
+            inverse, stage, stage_constants, noise, run, start, stop)
     return run

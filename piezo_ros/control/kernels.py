@@ -22,7 +22,7 @@ _trajectory_step = trajectory.trajectory_step
 @kernel
 def closed_loop(
     trajectory_constants: Any, controller_state: Any, controller_constants: Any,
-    compensator_play_um: NDArray[np.float64], compensator_constants: Any,
+    compensator_state: NDArray[np.float64], compensator_constants: Any,
     rig_state: Any, rig_constants: Any, noise: NDArray[np.float64], run: Any,
     start: int, stop: int,
 ) -> None:
@@ -35,7 +35,7 @@ def closed_loop(
         reference_um, feedforward_um = _trajectory_step(trajectory_constants, k)
         command_um = _controller_step(
             controller_state, controller_constants, k, reference_um, feedforward_um, measured_um)
-        voltage_v = _inverse_step(compensator_play_um, compensator_constants, command_um)
+        voltage_v = _inverse_step(compensator_state, compensator_constants, command_um)
         true_um = _rig_step(rig_state, rig_constants, voltage_v)
         measured_um = _measure_step(rig_constants, true_um, noise[k + 1])
         run.reference_um[k] = reference_um

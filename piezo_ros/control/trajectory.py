@@ -2,8 +2,9 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from fractions import Fraction
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,11 +16,12 @@ from piezo_ros.control.feedforward import (
 )
 from piezo_ros.control.waveform import (
     EXCITATIONS,
+    REPEATING,
     WaveformConstants,
     WaveformParameters,
+    abrupt_step,
     excitation_of,
     ramp_step,
-    reference_step,
     turns_step,
     waveform_constants,
 )
@@ -31,12 +33,17 @@ from piezo_ros.model.step import step
 __all__ = [
     'TrajectoryConstants',
     'TrajectoryParameters',
+    'compiled_trajectory',
     'trajectory_blocks',
     'trajectory_constants',
     'trajectory_step',
 ]
 
 _Samples = list[float] | NDArray[np.float64]
+_Block = Callable[[int, int], tuple[_Samples, _Samples]]  # of the first index and the number
+_MOST_REPEATED: Final = 4096  # samples
+_ROUNDING: Final = 2.0**-50  # of the product of frequency and sample period, relative
+_WORTH_KEEPING: Final = 3  # repetitions from which on it is worth computing one in advance
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,6 +71,11 @@ class TrajectoryConstants(NamedTuple):
     waveform: WaveformConstants
     feedforward: FeedforwardConstants
     table: Any  # (samples,) of a stepped sine or multisine, else empty
+    # So many samples, their soft start aside, are repeated for ever; 0 where there is no such
+    # number, or it has many digits.
+    repeat: int
+    repeated_reference_um: Any  # (repeat,), or empty: they need not be known in advance
+    repeated_feedforward_um: Any  # as well
 
 
 @lru_cache(maxsize=64)
@@ -81,12 +93,55 @@ def trajectory_constants(parameters: TrajectoryParameters) -> TrajectoryConstant
     return TrajectoryConstants(
         waveform_constants(parameters),
         _feedforward(parameters),
-        table)
+        table,
+        _repetition(parameters),
+        [], [])
+
+
+def _repetition(parameters: WaveformParameters) -> int:
+    """Return how many samples are repeated, see `TrajectoryConstants`."""
+    turns_per_sample = parameters.frequency_hz * parameters.sample_period_s
+    ratio = Fraction(turns_per_sample).limit_denominator(_MOST_REPEATED)
+    repeats = (
+        parameters.waveform in REPEATING
+        and abs(float(ratio) - turns_per_sample) <= _ROUNDING * turns_per_sample)
+    return ratio.denominator if repeats else 0
+
+
+def _with_repetition(
+    constants: TrajectoryConstants, samples: int,
+    make_block: Callable[[TrajectoryConstants], _Block],
+) -> TrajectoryConstants:
+    """
+    Return constants of a trajectory that know in advance what is repeated, if that is worth it.
+
+    Parameters
+    ----------
+    constants : TrajectoryConstants
+        The trajectory, as `trajectory_constants` returns it.
+    samples : int
+        The length of the run.
+    make_block : callable
+        Makes a function as `trajectory_blocks` returns it.
+
+    """
+    if not constants.repeat or samples < _WORTH_KEEPING * constants.repeat:
+        return constants
+    abrupt = constants._replace(waveform=constants.waveform._replace(ramp_turns=0.0))
+    reference_um, feedforward_um = make_block(abrupt)(0, constants.repeat)
+    return constants._replace(
+        repeated_reference_um=reference_um, repeated_feedforward_um=feedforward_um)
+
+
+def compiled_trajectory(parameters: TrajectoryParameters) -> Any:
+    """Return the constants of a trajectory for the compiled kernels."""
+    constants = as_arrays(trajectory_constants(parameters))
+    return _with_repetition(constants, parameters.samples, _compiled_block)
 
 
 def trajectory_blocks(
     parameters: TrajectoryParameters, *, compiled: bool = False,
-) -> Callable[[int, int], tuple[_Samples, _Samples]]:
+) -> _Block:
     """
     Return a trajectory as a function.
 
@@ -104,21 +159,27 @@ def trajectory_blocks(
         feedforward, micrometres; as arrays where compiled, else as lists.
 
     """
-    constants = trajectory_constants(parameters)
     if compiled:
-        from piezo_ros.control.kernels import trajectory_array
-        arrays = as_arrays(constants)
+        return _compiled_block(compiled_trajectory(parameters))
+    constants = trajectory_constants(parameters)
+    return _block(_with_repetition(constants, parameters.samples, _block))
 
-        def compiled_block(start: int, count: int) -> tuple[_Samples, _Samples]:
-            reference_um, feedforward_um = np.empty(count), np.empty(count)
-            trajectory_array(arrays, start, reference_um, feedforward_um)
-            return reference_um, feedforward_um
 
-        return compiled_block
-
+def _block(constants: TrajectoryConstants) -> _Block:
     def block(start: int, count: int) -> tuple[_Samples, _Samples]:
         pairs = [trajectory_step(constants, start + k) for k in range(count)]
         return [pair[0] for pair in pairs], [pair[1] for pair in pairs]
+
+    return block
+
+
+def _compiled_block(constants: Any) -> _Block:
+    from piezo_ros.control.kernels import trajectory_array
+
+    def block(start: int, count: int) -> tuple[_Samples, _Samples]:
+        reference_um, feedforward_um = np.empty(count), np.empty(count)
+        trajectory_array(constants, start, reference_um, feedforward_um)
+        return reference_um, feedforward_um
 
     return block
 
@@ -130,10 +191,14 @@ def trajectory_step(constants: TrajectoryConstants, index: int) -> tuple[float, 
         reference_um = constants.table[index]
         return reference_um, constants.feedforward.dc_inverse * reference_um
     waveform = constants.waveform
-    turns = turns_step(waveform, index)
-    reference_um = reference_step(waveform, turns)
-    feedforward = constants.feedforward
-    feedforward_um = feedforward_step(feedforward, turns, reference_um)
-    if len(feedforward.real_um) > 0:
-        feedforward_um *= ramp_step(waveform, turns)
-    return reference_um, feedforward_um
+    factor = ramp_step(waveform, turns_step(waveform, index))
+    if constants.repeat > 0:
+        index = index % constants.repeat
+    if len(constants.repeated_reference_um) > 0:
+        reference_um = constants.repeated_reference_um[index]
+        feedforward_um = constants.repeated_feedforward_um[index]
+    else:
+        turns = turns_step(waveform, index)
+        reference_um = abrupt_step(waveform, turns)
+        feedforward_um = feedforward_step(constants.feedforward, turns, reference_um)
+    return factor * reference_um, factor * feedforward_um

@@ -17,11 +17,13 @@ from piezo_ros.model.step import step
 __all__ = [
     'DECREASING_TRIANGLE',
     'EXCITATIONS',
+    'REPEATING',
     'SINE',
     'TRIANGLE',
     'WAVEFORMS',
     'WaveformConstants',
     'WaveformParameters',
+    'abrupt_step',
     'excitation_of',
     'ramp_step',
     'reference_step',
@@ -31,6 +33,7 @@ __all__ = [
 
 WAVEFORMS = ('triangle', 'sine', 'decreasing_triangle', 'stepped_sine', 'multisine')
 TRIANGLE, SINE, DECREASING_TRIANGLE = range(3)
+REPEATING = WAVEFORMS[:2]  # one period like the other
 EXCITATIONS = WAVEFORMS[3:]  # tables of samples, see piezo_ros.control.excitation
 TURN_RAD = 2.0 * math.pi
 MOST_SAMPLES = 2**53  # an index is exact in a float64
@@ -190,6 +193,12 @@ def ramp_step(constants: WaveformConstants, turns: float) -> float:
 @step
 def reference_step(constants: WaveformConstants, turns: float) -> float:
     """Return the desired displacement, micrometres (or the voltage, volts)."""
+    return ramp_step(constants, turns) * abrupt_step(constants, turns)
+
+
+@step
+def abrupt_step(constants: WaveformConstants, turns: float) -> float:
+    """Return what `reference_step` would without soft start."""
     period = math.floor(turns)
     phase = turns - period
     if constants.shape == SINE:
@@ -203,4 +212,4 @@ def reference_step(constants: WaveformConstants, turns: float) -> float:
     if constants.shape == DECREASING_TRIANGLE:
         # One period at each level; the level changes where the triangle crosses zero.
         value *= max(0.0, 1.0 - period / constants.levels)
-    return constants.amplitude * ramp_step(constants, turns) * value
+    return constants.amplitude * value

@@ -54,7 +54,7 @@ def run_loop(
         np.empty(samples), np.empty(samples), np.empty(samples + 1))
     constants = rig.rig_constants(plant, sample_period_s)
     memory = controller.initial_state(law, np.array)
-    play_um = np.zeros(len(compensator.saturation_v))
+    inverse_state = np.array(hysteresis.hysteresis_state([0.0] * len(compensator.saturation_v)))
     inverse = rig.as_arrays(hysteresis.hysteresis_constants(compensator))
     stage, stage_constants = rig.initial_state(constants, np.array), rig.as_arrays(constants)
     noise = unit_noise(plant.seed, 0, samples + 1)
@@ -63,13 +63,13 @@ def run_loop(
             controller.prepare_transfer(memory)
         _loop(
             memory, rig.as_arrays(controller.controller_constants(piece, sample_period_s)),
-            play_um, inverse, stage, stage_constants, noise, run, start, stop)
+            inverse_state, inverse, stage, stage_constants, noise, run, start, stop)
     return run
 
 
 @kernel
 def _loop(
-    controller_state: Any, controller_constants: Any, compensator_play_um: NDArray[np.float64],
+    controller_state: Any, controller_constants: Any, compensator_state: NDArray[np.float64],
     compensator_constants: Any, rig_state: Any, rig_constants: Any, noise: NDArray[np.float64],
     run: Any, start: int, stop: int,
 ) -> None:
@@ -81,7 +81,7 @@ def _loop(
         command_um = _controller_step(
             controller_state, controller_constants, k, run.reference_um[k], run.feedforward_um[k],
             measured_um)
-        voltage_v = _inverse_step(compensator_play_um, compensator_constants, command_um)
+        voltage_v = _inverse_step(compensator_state, compensator_constants, command_um)
         true_um = _rig_step(rig_state, rig_constants, voltage_v)
         measured_um = _measure_step(rig_constants, true_um, noise[k + 1])
         run.command_um[k] = command_um

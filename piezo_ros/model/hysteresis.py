@@ -6,8 +6,15 @@ at rest: u_i = (x - r_i)/kappa_i with \|x - r_i\| <= w_i = kappa_i u_S,i. A satu
 drags its play along (r_i = x -/+ w_i), every other one leaves it alone. This is (1) to (4) in
 Liu 2015 without the increments, so nothing is ever accumulated and no rounding builds up, however
 long the input.
+
+As long as the same elements are dragged, the voltage is a straight line of the displacement,
+u = K x - H. The steps keep that line, and the reach within which it holds, beside the plays: until
+the input turns or one more element saturates, a sample costs one multiplication or division,
+whatever the number of elements. The line is nothing but a shorthand. What a step returns, to the
+last bit, is a function of plays and input alone, and the plays can be had at any time.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -25,7 +32,10 @@ __all__ = [
     'MaxwellResistiveCapacitor',
     'forward_step',
     'hysteresis_constants',
+    'hysteresis_state',
     'inverse_step',
+    'settle_step',
+    'state_size',
 ]
 
 
@@ -60,6 +70,18 @@ class HysteresisConstants(NamedTuple):
     saturation_v: Any  # (n,) u_S,i
     unlimited_v_per_um: float  # 1/kappa_{n+1}
     total_v_per_um: float  # sum over all n + 1 elements
+    widest_um: float  # largest half width
+    rounding: float  # bound of what n + 1 additions lose, relative
+
+
+# The state of the operator: n plays and, behind them, the line that holds at present.
+_LOW, _HIGH = 0, 1  # it holds for displacements between these two, micrometres
+_HELD_V = 2  # H
+_STIFFNESS = 3  # K, V/um
+_DRAG = 4  # where the dragged plays go: 1 up, -1 down, 0 for none
+_LAST_UM = 5  # displacement of the newest sample; dragged plays are to be moved to it
+_MARGIN_UM = 6  # so close to a bound the comparison of a play decides
+_LINE_SIZE = 7
 
 
 def hysteresis_constants(parameters: HysteresisParameters) -> HysteresisConstants:
@@ -70,76 +92,156 @@ def hysteresis_constants(parameters: HysteresisParameters) -> HysteresisConstant
     for value in slope:
         total += value
     width = [kappa * limit for kappa, limit in zip(limited, parameters.saturation_v, strict=True)]
-    return HysteresisConstants(slope, width, list(parameters.saturation_v), 1.0 / unlimited, total)
+    return HysteresisConstants(
+        slope, width, list(parameters.saturation_v), 1.0 / unlimited, total,
+        max(width, default=0.0), (len(width) + 8) * 2.0**-45)
 
 
-@step
-def inverse_step(play_um: Vector, constants: HysteresisConstants, displacement_um: float) -> float:
-    """Move the plays to a displacement and return its voltage (explicit inverse model)."""
-    held_v = 0.0
-    slope_v_per_um = constants.slope_v_per_um
-    width_um = constants.width_um
-    for i in range(len(width_um)):
-        play = play_um[i]
-        width = width_um[i]
-        if displacement_um - play > width:
-            play = displacement_um - width
-            play_um[i] = play
-        elif play - displacement_um > width:
-            play = displacement_um + width
-            play_um[i] = play
-        held_v += slope_v_per_um[i] * play
-    return constants.total_v_per_um * displacement_um - held_v
-
-
-@step
-def forward_step(play_um: Vector, constants: HysteresisConstants, voltage_v: float) -> float:
+def hysteresis_state(plays_um: Sequence[float]) -> list[float]:
     """
-    Move the plays to a voltage and return its displacement (exact solution).
+    Return the state of the steps at given plays.
+
+    Parameters
+    ----------
+    plays_um : sequence of float, shape (n,)
+        The play values, micrometres; zeros for a stage that was never driven.
+
+    Returns
+    -------
+    list of float, shape (n + 7,)
+        The plays, and behind them a line that holds nowhere.
+
+    """
+    return [*plays_um, math.inf, -math.inf, 0.0, 1.0, 0.0, 0.0, 0.0]
+
+
+@step
+def state_size(elements: int) -> int:
+    """Return how many numbers the state of an operator with so many limited elements has."""
+    return elements + _LINE_SIZE
+
+
+@step
+def inverse_step(state: Vector, constants: HysteresisConstants, displacement_um: float) -> float:
+    """Move the state to a displacement and return its voltage (explicit inverse model)."""
+    line = len(constants.width_um)
+    if state[line + _LOW] < displacement_um < state[line + _HIGH]:
+        _drag(state, line, displacement_um)
+        return state[line + _STIFFNESS] * displacement_um - state[line + _HELD_V]
+    settle_step(state, constants)
+    _take_line(state, constants, displacement_um)
+    return state[line + _STIFFNESS] * displacement_um - state[line + _HELD_V]
+
+
+@step
+def forward_step(state: Vector, constants: HysteresisConstants, voltage_v: float) -> float:
+    """
+    Move the state to a voltage and return its displacement (exact solution).
 
     The voltage is a monotone, piecewise linear function of the displacement, concave upwards of the
     present point and convex downwards, steepest where no element is saturated. Newton's method
     started on that steepest piece therefore never overshoots, the set of saturated elements only
     grows, and the last linear piece is solved exactly: at most n + 1 solutions, mostly two.
     """
-    slope_v_per_um = constants.slope_v_per_um
-    width_um = constants.width_um
-    saturation_v = constants.saturation_v
-    elements = len(width_um)
-    level_v = voltage_v
-    for i in range(elements):
-        level_v += slope_v_per_um[i] * play_um[i]
-    displacement_um = level_v / constants.total_v_per_um
+    line = len(constants.width_um)
+    displacement_um = (voltage_v + state[line + _HELD_V]) / state[line + _STIFFNESS]
+    if state[line + _LOW] < displacement_um < state[line + _HIGH]:
+        _drag(state, line, displacement_um)
+        return displacement_um
+    settle_step(state, constants)
+    held_v = 0.0
+    for i in range(line):
+        held_v += constants.slope_v_per_um[i] * state[i]
+    displacement_um = (voltage_v + held_v) / constants.total_v_per_um
     saturated = 0
-    for _ in range(elements + 1):
-        count = 0
-        level_v = voltage_v
-        stiffness_v_per_um = constants.unlimited_v_per_um
-        for i in range(elements):
-            play = play_um[i]
-            width = width_um[i]
-            if displacement_um - play > width:
-                level_v -= saturation_v[i]
-                count += 1
-            elif play - displacement_um > width:
-                level_v += saturation_v[i]
-                count += 1
-            else:
-                slope = slope_v_per_um[i]
-                level_v += slope * play
-                stiffness_v_per_um += slope
+    for _ in range(line + 1):
+        count = _take_line(state, constants, displacement_um)
         if count == saturated:
             break
         saturated = count
-        displacement_um = level_v / stiffness_v_per_um
-    for i in range(elements):
-        play = play_um[i]
+        displacement_um = (voltage_v + state[line + _HELD_V]) / state[line + _STIFFNESS]
+    return displacement_um
+
+
+@step
+def settle_step(state: Vector, constants: HysteresisConstants) -> None:
+    """Move the dragged plays to where the newest displacement has them; give the line up."""
+    line = len(constants.width_um)
+    if state[line + _DRAG] != 0.0:
+        _move_plays(state, constants, state[line + _LAST_UM])
+        state[line + _DRAG] = 0.0
+    state[line + _LOW] = math.inf
+    state[line + _HIGH] = -math.inf
+
+
+@step
+def _drag(state: Vector, line: int, displacement_um: float) -> None:
+    """Note a displacement on the line: there is no way back on it while plays are dragged."""
+    drag = state[line + _DRAG]
+    if drag > 0.0:
+        state[line + _LOW] = displacement_um + state[line + _MARGIN_UM]
+    elif drag < 0.0:
+        state[line + _HIGH] = displacement_um - state[line + _MARGIN_UM]
+    state[line + _LAST_UM] = displacement_um
+
+
+@step
+def _move_plays(state: Vector, constants: HysteresisConstants, displacement_um: float) -> None:
+    width_um = constants.width_um
+    for i in range(len(width_um)):
+        play = state[i]
         width = width_um[i]
         if displacement_um - play > width:
-            play_um[i] = displacement_um - width
+            state[i] = displacement_um - width
         elif play - displacement_um > width:
-            play_um[i] = displacement_um + width
-    return displacement_um
+            state[i] = displacement_um + width
+
+
+@step
+def _take_line(state: Vector, constants: HysteresisConstants, displacement_um: float) -> int:
+    """Keep the line of a displacement and its reach; return how many elements are saturated."""
+    slope_v_per_um = constants.slope_v_per_um
+    width_um = constants.width_um
+    saturation_v = constants.saturation_v
+    line = len(width_um)
+    size_um = abs(displacement_um) + constants.widest_um
+    low_um = displacement_um - size_um
+    high_um = displacement_um + size_um
+    held_v = 0.0
+    stiffness_v_per_um = constants.unlimited_v_per_um
+    up = 0
+    down = 0
+    for i in range(line):
+        play = state[i]
+        width = width_um[i]
+        if displacement_um - play > width:
+            held_v -= saturation_v[i]
+            up += 1
+        elif play - displacement_um > width:
+            held_v += saturation_v[i]
+            down += 1
+        else:
+            slope = slope_v_per_um[i]
+            held_v += slope * play
+            stiffness_v_per_um += slope
+            if play - width > low_um:
+                low_um = play - width
+            if play + width < high_um:
+                high_um = play + width
+    # Plays and sums are rounded: where that could decide about an element, the line must not.
+    margin_um = constants.rounding * size_um * constants.total_v_per_um / stiffness_v_per_um
+    if up > 0:
+        low_um = displacement_um
+    if down > 0:
+        high_um = displacement_um
+    state[line + _LOW] = low_um + margin_um
+    state[line + _HIGH] = high_um - margin_um
+    state[line + _HELD_V] = held_v
+    state[line + _STIFFNESS] = stiffness_v_per_um
+    state[line + _DRAG] = 1.0 if up > 0 else -1.0 if down > 0 else 0.0
+    state[line + _LAST_UM] = displacement_um
+    state[line + _MARGIN_UM] = margin_um
+    return up + down
 
 
 class MaxwellResistiveCapacitor:
@@ -248,9 +350,10 @@ class MaxwellResistiveCapacitor:
             first = int(np.argmin(finite))
             raise ValueError(f'{name}[{first}] is {inputs[first]}, it must be finite')
         play = self.virgin_state() if state is None else self._checked(state)
+        whole = np.array(hysteresis_state(play.tolist()))
         outputs = np.empty_like(inputs)
-        array_kernel(play, self._constants, inputs, outputs)
-        return outputs, play
+        array_kernel(whole, self._constants, inputs, outputs)
+        return outputs, whole[:play.size].copy()
 
     def _checked(self, state: ArrayLike) -> NDArray[np.float64]:
         """Return a copy of a state that this operator can be in."""

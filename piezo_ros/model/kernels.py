@@ -24,29 +24,35 @@ _forward_step = hysteresis.forward_step
 _inverse_step = hysteresis.inverse_step
 _measure_step = rig.measure_step
 _rig_step = rig.rig_step
+_settle_step = hysteresis.settle_step
 _hold_packed = stepping.hold_packed
 _hold_packed_creeping = stepping.hold_packed_creeping
 _inverse_packed = stepping.inverse_packed
+_packed_creep = stepping.packed_creep
+_unpacked_inverse = stepping.unpacked_inverse
+_unpacked_rig = stepping.unpacked_rig
 
 
 @kernel
 def forward_array(
-    play_um: NDArray[np.float64], constants: Any, voltage_v: NDArray[np.float64],
+    state: NDArray[np.float64], constants: Any, voltage_v: NDArray[np.float64],
     displacement_um: NDArray[np.float64],
 ) -> None:
-    """Fill ``displacement_um`` and leave the last plays in ``play_um``."""
+    """Fill ``displacement_um`` and leave the last plays in ``state``."""
     for k in range(voltage_v.size):
-        displacement_um[k] = _forward_step(play_um, constants, voltage_v[k])
+        displacement_um[k] = _forward_step(state, constants, voltage_v[k])
+    _settle_step(state, constants)
 
 
 @kernel
 def inverse_array(
-    play_um: NDArray[np.float64], constants: Any, displacement_um: NDArray[np.float64],
+    state: NDArray[np.float64], constants: Any, displacement_um: NDArray[np.float64],
     voltage_v: NDArray[np.float64],
 ) -> None:
-    """Fill ``voltage_v`` and leave the last plays in ``play_um``."""
+    """Fill ``voltage_v`` and leave the last plays in ``state``."""
     for k in range(displacement_um.size):
-        voltage_v[k] = _inverse_step(play_um, constants, displacement_um[k])
+        voltage_v[k] = _inverse_step(state, constants, displacement_um[k])
+    _settle_step(state, constants)
 
 
 @kernel
@@ -88,8 +94,9 @@ def inverse_packed_array(
     voltage_v: NDArray[np.float64],
 ) -> None:
     """Fill ``voltage_v``; the state in ``memory`` moves on."""
+    state, constants = _unpacked_inverse(memory)
     for k in range(displacement_um.size):
-        voltage_v[k] = _inverse_packed(memory, displacement_um[k])
+        voltage_v[k] = _inverse_step(state, constants, displacement_um[k])
 
 
 @kernel
@@ -98,8 +105,10 @@ def hold_packed_array(
     displacement_um: NDArray[np.float64],
 ) -> None:
     """Fill ``displacement_um`` with the readings; the state in ``memory`` moves on."""
+    state, constants = _unpacked_rig(memory, None)
     for k in range(voltage_v.size):
-        displacement_um[k] = _hold_packed(memory, voltage_v[k], noise[k])
+        true_um = _rig_step(state, constants, voltage_v[k])
+        displacement_um[k] = _measure_step(constants, true_um, noise[k])
 
 
 @kernel
@@ -108,5 +117,7 @@ def hold_packed_creeping_array(
     displacement_um: NDArray[np.float64],
 ) -> None:
     """Do as `hold_packed_array` for a rig with creep or drift."""
+    state, constants = _unpacked_rig(memory, _packed_creep(memory))
     for k in range(voltage_v.size):
-        displacement_um[k] = _hold_packed_creeping(memory, voltage_v[k], noise[k])
+        true_um = _rig_step(state, constants, voltage_v[k])
+        displacement_um[k] = _measure_step(constants, true_um, noise[k])

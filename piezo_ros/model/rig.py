@@ -29,6 +29,7 @@ from piezo_ros.model.hysteresis import (
     HysteresisParameters,
     forward_step,
     hysteresis_constants,
+    hysteresis_state,
 )
 from piezo_ros.model.noise import NoiseSource, unit_noise
 from piezo_ros.model.parameters import ParameterError, parameter
@@ -157,7 +158,7 @@ class RigState(NamedTuple):
 
     drive_v: Vector  # (3,) voltage behind the slew limit; samples so far beyond a rail, slewing
     amplifier: Vector  # (n,)
-    play_um: Vector  # (n,)
+    hysteresis: Vector  # (n + 7,) plays, and the line that holds
     mechanics: Vector  # (n,)
     displacement_um: Vector  # (1,) true displacement
     relaxed_um: Vector  # (r,) of the creep
@@ -219,7 +220,7 @@ def initial_state(constants: RigConstants, vector: Callable[[list[float]], Any] 
     return RigState(
         drive_v=vector([0.0, 0.0, 0.0]),
         amplifier=vector([0.0] * len(constants.amplifier.b)),
-        play_um=vector([0.0] * len(constants.hysteresis.width_um)),
+        hysteresis=vector(hysteresis_state([0.0] * len(constants.hysteresis.width_um))),
         mechanics=vector([0.0] * len(constants.mechanics.b)),
         displacement_um=vector([0.0]),
         relaxed_um=vector([0.0] * (len(constants.creep.rate) if constants.creep else 0)),
@@ -250,13 +251,13 @@ def rig_step(state: RigState, constants: RigConstants, voltage_v: float) -> floa
         state.drive_v[2] += 1.0
     state.drive_v[0] = drive_v
     if constants.lumped:
-        free_um = forward_step(state.play_um, constants.hysteresis, drive_v)
+        free_um = forward_step(state.hysteresis, constants.hysteresis, drive_v)
         free_um = creep_step(state.relaxed_um, constants.creep, free_um)
         true_um = update_then_output(state.mechanics, state.scratch, constants.mechanics, free_um)
     else:
         amplified_v = update_then_output(
             state.amplifier, state.scratch, constants.amplifier, drive_v)
-        free_um = forward_step(state.play_um, constants.hysteresis, amplified_v)
+        free_um = forward_step(state.hysteresis, constants.hysteresis, amplified_v)
         free_um = creep_step(state.relaxed_um, constants.creep, free_um)
         true_um = output_then_update(state.mechanics, state.scratch, constants.mechanics, free_um)
     true_um = drift_step(state.drift_um, constants.creep, true_um)

@@ -19,7 +19,9 @@ from piezo_ros.model.hysteresis import (
     HysteresisConstants,
     HysteresisParameters,
     hysteresis_constants,
+    hysteresis_state,
     inverse_step,
+    state_size,
 )
 from piezo_ros.model.rig import (
     RigConstants,
@@ -38,9 +40,12 @@ __all__ = [
     'hold_packed',
     'hold_packed_creeping',
     'inverse_packed',
+    'packed_creep',
     'packed_memory',
     'rig_stepper',
     'saturated_samples',
+    'unpacked_inverse',
+    'unpacked_rig',
 ]
 
 
@@ -71,7 +76,8 @@ def rig_stepper(
     if compiled:
         from piezo_ros.model.kernels import hold_packed_creeping_kernel, hold_packed_kernel
         sizes = [
-            len(state.play_um), len(state.amplifier), len(state.mechanics), len(state.relaxed_um)]
+            len(constants.hysteresis.width_um), len(state.amplifier), len(state.mechanics),
+            len(state.relaxed_um)]
         packed = hold_packed_creeping_kernel if constants.creep else hold_packed_kernel
         return _bound(packed, sizes, 2, state, constants)
 
@@ -111,13 +117,14 @@ def compensator_stepper(
 
     """
     constants = hysteresis_constants(parameters)
-    play_um = [0.0] * len(constants.width_um)
+    elements = len(constants.width_um)
+    state = hysteresis_state([0.0] * elements)
     if compiled:
         from piezo_ros.model.kernels import inverse_packed_kernel
-        return _bound(inverse_packed_kernel, [len(play_um)], 1, play_um, constants)
+        return _bound(inverse_packed_kernel, [elements], 1, state, constants)
 
     def inverse(displacement_um: float) -> float:
-        return inverse_step(play_um, constants, displacement_um)
+        return inverse_step(state, constants, displacement_um)
 
     return inverse
 
@@ -146,58 +153,73 @@ def _flat(value: Any) -> list[float]:
 @step
 def hold_packed(memory: Any, voltage_v: float, unit_noise: float) -> float:
     """Take a rig without creep and its state apart, do what `rig_stepper` says."""
-    return _hold_packed(memory, None, voltage_v, unit_noise)
+    state, constants = unpacked_rig(memory, None)
+    return measure_step(constants, rig_step(state, constants, voltage_v), unit_noise)
 
 
 @step
 def hold_packed_creeping(memory: Any, voltage_v: float, unit_noise: float) -> float:
     """Take a rig with creep or drift and its state apart, do what `rig_stepper` says."""
-    relaxations, end = int(memory[3]), len(memory) - 1
-    creep = CreepConstants(
-        memory[end - 2 * relaxations:end - relaxations], memory[end - relaxations:end],
-        memory[end])
-    return _hold_packed(memory, creep, voltage_v, unit_noise)
+    state, constants = unpacked_rig(memory, packed_creep(memory))
+    return measure_step(constants, rig_step(state, constants, voltage_v), unit_noise)
 
 
 @step
-def _hold_packed(
-    memory: Any, creep: CreepConstants | None, voltage_v: float, unit_noise: float,
-) -> float:
+def packed_creep(memory: Any) -> CreepConstants:
+    """Return the creep in the memory of a rig that has one."""
+    relaxations, end = int(memory[3]), len(memory) - 1
+    return CreepConstants(
+        memory[end - 2 * relaxations:end - relaxations], memory[end - relaxations:end],
+        memory[end])
+
+
+@step
+def unpacked_rig(
+    memory: Any, creep: CreepConstants | None,
+) -> tuple[RigState, RigConstants]:
+    """Return state and constants of a rig as views of its memory."""
     elements, first_order, second_order = int(memory[0]), int(memory[1]), int(memory[2])
     relaxations = int(memory[3])
     amplifier_at = 7
-    play_at = amplifier_at + first_order
-    mechanics_at = play_at + elements
+    hysteresis_at = amplifier_at + first_order
+    mechanics_at = hysteresis_at + state_size(elements)
     displacement_at = mechanics_at + second_order
     relaxed_at = displacement_at + 1
     drift_at = relaxed_at + relaxations
     scratch_at = drift_at + 1
     at = scratch_at + 5
     state = RigState(
-        memory[4:amplifier_at], memory[amplifier_at:play_at], memory[play_at:mechanics_at],
-        memory[mechanics_at:displacement_at], memory[displacement_at:relaxed_at],
-        memory[relaxed_at:drift_at], memory[drift_at:scratch_at], memory[scratch_at:at])
+        memory[4:amplifier_at], memory[amplifier_at:hysteresis_at],
+        memory[hysteresis_at:mechanics_at], memory[mechanics_at:displacement_at],
+        memory[displacement_at:relaxed_at], memory[relaxed_at:drift_at],
+        memory[drift_at:scratch_at], memory[scratch_at:at])
     dac = _converter_at(memory, at)
     slew_step_v = memory[at + 4]
     at += 5
     amplifier = _linear_at(memory, at, first_order)
     at += first_order * (first_order + 2) + 1
     hysteresis = _hysteresis_at(memory, at, elements)
-    at += 3 * elements + 2
+    at += 3 * elements + 4
     mechanics = _linear_at(memory, at, second_order)
     at += second_order * (second_order + 2) + 1
-    constants = RigConstants(
+    return state, RigConstants(
         dac, slew_step_v, amplifier, hysteresis, mechanics, memory[at] > 0.0, memory[at + 1],
         _converter_at(memory, at + 2), creep)
-    return measure_step(constants, rig_step(state, constants, voltage_v), unit_noise)
 
 
 @step
 def inverse_packed(memory: Any, displacement_um: float) -> float:
     """Take inverse model and state apart, do what `compensator_stepper` says."""
+    state, constants = unpacked_inverse(memory)
+    return inverse_step(state, constants, displacement_um)
+
+
+@step
+def unpacked_inverse(memory: Any) -> tuple[Any, HysteresisConstants]:
+    """Return state and constants of an inverse model as views of its memory."""
     elements = int(memory[0])
-    return inverse_step(
-        memory[1:1 + elements], _hysteresis_at(memory, 1 + elements, elements), displacement_um)
+    constants_at = 1 + state_size(elements)
+    return memory[1:constants_at], _hysteresis_at(memory, constants_at, elements)
 
 
 @step
@@ -218,4 +240,4 @@ def _hysteresis_at(memory: Any, at: int, elements: int) -> HysteresisConstants:
     return HysteresisConstants(
         memory[at:at + elements], memory[at + elements:at + 2 * elements],
         memory[at + 2 * elements:at + 3 * elements], memory[at + 3 * elements],
-        memory[at + 3 * elements + 1])
+        memory[at + 3 * elements + 1], memory[at + 3 * elements + 2], memory[at + 3 * elements + 3])

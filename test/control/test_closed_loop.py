@@ -12,7 +12,7 @@ from piezo_ros.control.controller import initial_state as initial_controller_sta
 from piezo_ros.control.trajectory import trajectory_constants, trajectory_step
 from piezo_ros.experiment.parameter_file import read_parameter_file
 from piezo_ros.model import HysteresisParameters, RigParameters
-from piezo_ros.model.hysteresis import hysteresis_constants, inverse_step
+from piezo_ros.model.hysteresis import hysteresis_constants, hysteresis_state, inverse_step
 from piezo_ros.model.noise import NoiseSource
 from piezo_ros.model.rig import initial_state, measure_step, rig_constants, rig_step
 from piezo_ros.paper import TABLE_4
@@ -61,7 +61,7 @@ def python_loop(plant, compensator, controller, trajectory):
     controller_of = controller_constants(controller, period_s)
     controller_state = initial_controller_state(controller)
     compensator_of = hysteresis_constants(compensator)
-    play_um = [0.0] * len(compensator.saturation_v)
+    compensator_state = hysteresis_state([0.0] * len(compensator.saturation_v))
     rig_of = rig_constants(plant, period_s)
     rig_state = initial_state(rig_of)
     noise = NoiseSource(plant.seed)
@@ -71,7 +71,7 @@ def python_loop(plant, compensator, controller, trajectory):
         reference, feedforward = trajectory_step(trajectory_of, k)
         command = controller_step(
             controller_state, controller_of, k, reference, feedforward, measured[-1])
-        voltage = inverse_step(play_um, compensator_of, command)
+        voltage = inverse_step(compensator_state, compensator_of, command)
         true_um = rig_step(rig_state, rig_of, voltage)
         measured.append(measure_step(rig_of, true_um, noise(k + 1)))
         rows.append((reference, feedforward, command, voltage))

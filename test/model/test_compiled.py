@@ -75,8 +75,8 @@ def test_a_changed_step_is_compiled_anew_even_under_the_old_time_stamp(package, 
     step = package / 'model' / 'hysteresis.py'
     stamp = step.stat()
     text = step.read_text()
-    line = 'return constants.total_v_per_um * displacement_um - held_v'
-    assert text.count(line) == 1
+    line = 'return state[line + _STIFFNESS] * displacement_um - state[line + _HELD_V]'
+    assert text.count(line) == 2
     step.write_text(text.replace(line, f'{line} + 1.0'))
     os.utime(step, ns=(stamp.st_atime_ns, stamp.st_mtime_ns))
     assert voltage() == 3.0

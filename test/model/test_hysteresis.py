@@ -6,7 +6,13 @@ from scipy.optimize import brentq
 
 from piezo_ros import paper
 from piezo_ros.model import HysteresisParameters, MaxwellResistiveCapacitor, ParameterError
-from piezo_ros.model.hysteresis import forward_step, hysteresis_constants, inverse_step
+from piezo_ros.model.hysteresis import (
+    forward_step,
+    hysteresis_constants,
+    hysteresis_state,
+    inverse_step,
+    settle_step,
+)
 from piezo_ros.report import nonlinearity
 
 TOLERANCE = 1e-11
@@ -50,6 +56,13 @@ def voltage_after(operator, state, displacement_um):
     limit = np.array(operator.parameters.saturation_v)
     held = np.clip((displacement_um - state) / np.array(kappa), -limit, limit)
     return displacement_um / unlimited + held.sum()
+
+
+def plays_of(memory, constants):
+    """The plays of a state, which stays as it is."""
+    settled = list(memory)
+    settle_step(settled, constants)
+    return settled[:len(constants.width_um)]
 
 
 def test_the_gain_is_that_of_the_paper_for_small_and_for_large_signals():
@@ -196,11 +209,12 @@ def test_any_split_of_the_input_gives_the_same_bits(way, operator, values, data)
 def test_the_step_of_a_node_gives_the_same_bits_as_the_compiled_array(way, operator, values):
     step = inverse_step if way == 'inverse' else forward_step
     constants = hysteresis_constants(operator.parameters)
-    play = [0.0] * len(constants.width_um)
-    stepped = np.array([step(play, constants, value) for value in values.tolist()])
+    memory = hysteresis_state([0.0] * len(constants.width_um))
+    stepped = np.array([step(memory, constants, value) for value in values.tolist()])
+    settle_step(memory, constants)
     output, state = run(operator, way, values)
     assert stepped.tobytes() == output.tobytes()
-    assert np.array(play).tobytes() == state.tobytes()
+    assert np.array(memory[:state.size]).tobytes() == state.tobytes()
 
 
 @either_way
@@ -209,11 +223,47 @@ def test_a_long_run_of_steps_gives_the_same_bits_as_the_compiled_array(way):
     values[::2] = np.round(values[::2], 2)
     step = inverse_step if way == 'inverse' else forward_step
     constants = hysteresis_constants(HysteresisParameters())
-    play = [0.0] * 10
-    stepped = np.array([step(play, constants, value) for value in values.tolist()])
+    memory = hysteresis_state([0.0] * 10)
+    stepped = np.array([step(memory, constants, value) for value in values.tolist()])
+    settle_step(memory, constants)
     output, state = run(MaxwellResistiveCapacitor(), way, values)
     assert stepped.tobytes() == output.tobytes()
-    assert np.array(play).tobytes() == state.tobytes()
+    assert np.array(memory[:state.size]).tobytes() == state.tobytes()
+
+
+@either_way
+@given(operators(), inputs, st.sampled_from([1.0, 1e-4, 1e-9, 1e-14]))
+@settings(max_examples=300)
+def test_the_line_that_is_kept_gives_the_same_bits_as_every_element_looked_at(
+        way, operator, values, share):
+    step = inverse_step if way == 'inverse' else forward_step
+    constants = hysteresis_constants(operator.parameters)
+    kept = hysteresis_state([0.0] * len(constants.width_um))
+    # Out to a value, then ever so slowly on, to and fro, and in steps lost in rounding.
+    values = [*values.tolist(), *(values[-1] + share * values).tolist(), *values.tolist()]
+    plays = kept[:len(constants.width_um)]
+    for value in values:
+        without = hysteresis_state(plays)
+        assert step(kept, constants, value) == step(without, constants, value)
+        settle_step(without, constants)
+        plays = without[:len(plays)]
+    settle_step(kept, constants)
+    assert kept[:len(plays)] == plays
+
+
+@either_way
+@pytest.mark.parametrize('elements', [10, 40])
+def test_a_scan_with_noise_gives_the_same_bits_as_every_element_looked_at(way, elements):
+    rng = np.random.default_rng(elements)
+    step = inverse_step if way == 'inverse' else forward_step
+    operator = MaxwellResistiveCapacitor(
+        [*rng.uniform(1.0, 100.0, elements), 1.3], rng.uniform(0.0, 0.05, elements))
+    constants = hysteresis_constants(operator.parameters)
+    kept = hysteresis_state([0.0] * elements)
+    time = np.arange(6000)
+    for value in (3.0 * np.sin(time / 40.0) + 0.003 * rng.normal(size=time.size)).tolist():
+        without = hysteresis_state(plays_of(kept, constants))
+        assert step(kept, constants, value) == step(without, constants, value)
 
 
 @either_way
