@@ -13,9 +13,21 @@ __all__ = ['NoiseSource', 'unit_noise']
 _CHUNK = 4096
 
 
-def _chunk(seed: int, number: int) -> NDArray[np.float64]:
-    generator = np.random.Generator(np.random.Philox(key=seed, counter=[0, number, 0, 0]))
-    return generator.standard_normal(_CHUNK)
+class _Chunks:
+    """The noise of one seed, chunk by chunk in any order."""
+
+    def __init__(self, seed: int) -> None:
+        # One for all chunks: to make another one takes half as long as to draw from it.
+        self._bits = np.random.Philox(key=seed)
+        self._fresh = self._bits.state
+        self._generator = np.random.Generator(self._bits)
+
+    def __call__(self, number: int) -> NDArray[np.float64]:
+        """Return the noise of one chunk, shape (4096,)."""
+        counter = np.array([0, number, 0, 0], np.uint64)
+        self._bits.state = {
+            **self._fresh, 'state': {**self._fresh['state'], 'counter': counter}}
+        return self._generator.standard_normal(_CHUNK)
 
 
 def unit_noise(seed: int, start: int, count: int) -> NDArray[np.float64]:
@@ -40,7 +52,7 @@ def unit_noise(seed: int, start: int, count: int) -> NDArray[np.float64]:
     first, last = start // _CHUNK, (start + count - 1) // _CHUNK
     if count <= 0:
         return np.empty(0)
-    whole = np.concatenate([_chunk(seed, number) for number in range(first, last + 1)])
+    whole = np.concatenate([*map(_Chunks(seed), range(first, last + 1))])
     offset = start - first * _CHUNK
     return whole[offset:offset + count]
 
@@ -49,7 +61,7 @@ class NoiseSource:
     """`unit_noise` one sample at a time, for a node."""
 
     def __init__(self, seed: int) -> None:
-        self._seed = seed
+        self._chunk = _Chunks(seed)
         self._start = 0
         self._values: list[float] = []
         self._window = (0, np.empty(0))
@@ -59,14 +71,14 @@ class NoiseSource:
         offset = index - self._start
         if not 0 <= offset < len(self._values):
             self._start = index - index % _CHUNK
-            self._values = _chunk(self._seed, index // _CHUNK).tolist()
+            self._values = self._chunk(index // _CHUNK).tolist()
             offset = index - self._start
         return self._values[offset]
 
     def window(self, index: int) -> tuple[int, NDArray[np.float64]]:
         """Return the noise of samples around one, and the index of the first of them."""
         number = index // _CHUNK
-        return number * _CHUNK, _chunk(self._seed, number)
+        return number * _CHUNK, self._chunk(number)
 
     def block(self, start: int, count: int) -> NDArray[np.float64]:
         """Return the noise of consecutive samples, as `unit_noise` does."""

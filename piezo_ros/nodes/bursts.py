@@ -1,8 +1,8 @@
 """
-Blocks that wait are dealt with together: one calculation, then message after message.
+Blocks that wait are dealt with together: one calculation, and no more messages than needed.
 
-A message that is sent while its reader still works on the one before wakes nobody; where messages
-come one by one, waking their readers costs as much as all the rest.
+Where the boundaries of blocks are carries no meaning, and a message costs the same, however many
+samples it has: those that have piled up before a stage that is behind go on as one.
 """
 
 from collections import deque
@@ -18,6 +18,7 @@ __all__ = ['BURST_BLOCKS', 'NAP_S', 'BlockBuffer', 'answer_burst', 'publish_bloc
 
 NAP_S: Final = 0.0002  # of who has no block: who only yields takes the time of who has one
 BURST_BLOCKS: Final = 16  # dealt with at once; meanwhile nobody looks whether the run shall stop
+_MOST_JOINED: Final = 7500  # samples: what one datagram can hold
 
 _Samples = NDArray[np.float64]
 
@@ -32,7 +33,7 @@ def answer_burst(
     Parameters
     ----------
     reader, writer : StreamReader, StreamWriter
-        The streams; each block is answered by one of the same length.
+        The streams; see `publish_blocks` for the blocks of the answer.
     answer : callable
         Takes the samples of all blocks, shape (N,), and returns as many.
 
@@ -81,7 +82,7 @@ class BlockBuffer:
 
     def fill(self) -> None:
         """
-        Take what has come, unless something waits.
+        Take what has come, unless many blocks wait.
 
         Raises
         ------
@@ -90,16 +91,12 @@ class BlockBuffer:
             before have been pulled.
 
         """
-        if self.size:
-            return
-        if self._fault:
-            raise self._fault
-        if self._reader.take_raw():
+        if not self._fault and len(self._blocks) < BURST_BLOCKS and self._reader.take_raw():
             blocks, self._fault = _take_burst(self._reader)
             self._blocks.extend(blocks)
-            self.size = sum(block.size for block in blocks)
-            if self._fault and not blocks:
-                raise self._fault
+            self.size += sum(block.size for block in blocks)
+        if self._fault and not self.size:
+            raise self._fault
 
     def pull(self, count: int) -> list[_Samples]:
         """Return the first samples, at most `size`, block by block."""
@@ -133,14 +130,14 @@ class BlockBuffer:
 def publish_blocks(
     writer: StreamWriter, samples: Sequence[float] | _Samples, sizes: Sequence[int],
 ) -> None:
-    """Publish samples in blocks of given sizes."""
-    first = 0
+    """Publish what answers blocks of given sizes, joined as far as they fit into a datagram."""
+    first = end = 0
     for size in sizes:
-        if size == 1:
-            writer.publish_one(float(samples[first]))
-        else:
-            writer.publish(samples[first:first + size])
-        first += size
+        if end > first and end + size - first > _MOST_JOINED:
+            writer.publish(samples[first:end])
+            first = end
+        end += size
+    writer.publish(samples[first:end])
 
 
 def _take_burst(reader: StreamReader) -> tuple[list[_Samples], StreamFault | None]:

@@ -58,6 +58,8 @@ class Compensator(Stage):
 
     def _poll_other(self) -> bool:
         """Answer the blocks that wait."""
+        if not self._command.raw:
+            return False
         longest = answer_burst(self._command, self._voltage, self._answer)
         if longest:
             self.in_blocks = longest > 1

@@ -26,6 +26,7 @@ __all__ = ['host']
 
 _HOUSEKEEPING_S = 0.05
 _TURNS = 64  # of the stages in which others wait, between two looks at all the rest
+_NAPS = 4  # the same where others have blocks on their way, and who has none naps
 _YIELD_S = 0.02  # how long an empty loop only yields before it sleeps
 _FOLLOW_S = 0.005  # how long an empty trajectory naps: blocks without feedback are soon used up
 _SHORT_SLEEP_S = 0.001
@@ -175,15 +176,20 @@ def _stream_loop(stages: Sequence[Stage], stop: _Stop) -> None:
         for stage in stages:
             stage.serve_request()
         waited_for = [stage for stage in urgent if stage.running]
+        following = [stage for stage in others if stage.running]
         in_blocks = all(stage.in_blocks for stage in waited_for)
-        progress = _turns(waited_for, 1 if in_blocks else _TURNS, stop)
-        progress = _turns([stage for stage in others if stage.running], 1, stop) or progress
+        if in_blocks:
+            # The naps between the turns would keep the others waiting.
+            progress = _turns(waited_for, 1 if following else _NAPS, _nap, stop)
+        else:
+            progress = _turns(waited_for, _TURNS, os.sched_yield, stop)
+        progress = _turns(following, 1, _nap, stop) or progress
         naps, patience_s = (in_blocks, _YIELD_S) if waited_for else (follows, _FOLLOW_S)
         now = time.monotonic()
         if progress:
             idle_since = now
         elif naps and now - idle_since < patience_s:
-            time.sleep(NAP_S)
+            _nap()
         elif now - idle_since > _YIELD_S or not waited_for:
             if any(stage.running for stage in stages):
                 time.sleep(_SHORT_SLEEP_S)
@@ -198,8 +204,16 @@ def _stream_loop(stages: Sequence[Stage], stop: _Stop) -> None:
                 return
 
 
-def _turns(stages: Sequence[Stage], number: int, stop: _Stop) -> bool:
+def _nap() -> None:
+    time.sleep(NAP_S)
+
+
+def _turns(
+    stages: Sequence[Stage], number: int, pause: Callable[[], None], stop: _Stop,
+) -> bool:
     """Let running stages do what they can, several times; return whether there was anything."""
+    if not stages:
+        return False
     progress = False
     for turn in range(1, number + 1):
         idle = True
@@ -214,7 +228,7 @@ def _turns(stages: Sequence[Stage], number: int, stop: _Stop) -> bool:
         if not idle:
             progress = True
         elif turn < number:
-            os.sched_yield()
+            pause()
     return progress
 
 

@@ -165,7 +165,7 @@ class Plant(Stage):
     def _poll_other(self) -> bool:
         # At the end of its noise the relay cannot go on either.
         self.quick = self.poll
-        return self._answer_waiting()
+        return bool(self._voltage.raw) and self._answer_waiting()
 
     def _answer_one(self, sample: float) -> None:
         self._voltage_v = sample

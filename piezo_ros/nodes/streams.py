@@ -35,9 +35,12 @@ if TYPE_CHECKING:
 
 __all__ = ['StreamFault', 'StreamReader', 'StreamWriter']
 
-_all = np.logical_and.reduce
+_isfinite = math.isfinite
+_unpack_pair = struct.Struct('<2d').unpack_from
 _unpack_number = struct.Struct('<d').unpack_from
 _WARN_S = 2.0  # a warning of one kind at most this often
+_KEPT_LENGTHS = 16  # of blocks, for which is kept what is the same in all
+_LONGEST_KEPT = 10_000  # samples
 
 
 class StreamFault(Exception):
@@ -70,9 +73,8 @@ class StreamWriter:
         head, numbers = self._codec.single
         self.message = bytearray(head) + bytes(numbers.size)
         self._write_numbers = partial(numbers.pack_into, self.message, len(head))
-        # A longer block likewise, as long as all have the same length.
-        self._block = bytearray()
-        self._block_numbers: NDArray[np.float64] = np.empty(0)
+        # A longer block likewise, over the last one of its length.
+        self._blocks: dict[int, tuple[bytearray, NDArray[np.float64]]] = {}
         self._period_s = 0.0
         self._first = 0
         self._ended = False
@@ -129,19 +131,29 @@ class StreamWriter:
 
     def publish(self, values: Sequence[float] | NDArray[np.float64]) -> None:
         """Publish the next samples, at least one, as one block."""
-        count = len(values)
-        if self._block_numbers.size != count + 2:
-            head = self._codec.header(count)[0]
-            self._block = bytearray(head) + bytes(8 * (count + 2))
-            self._block_numbers = np.frombuffer(self._block, '<f8', -1, len(head))
-        numbers = self._block_numbers
-        numbers[0], numbers[1] = self.next_index, self._period_s
+        count, index = len(values), self.next_index
+        if count == 1:
+            self.publish_one(float(values[0]))
+            return
+        raw, numbers = self._blocks.get(count) or self._new_block(count)
+        numbers[0], numbers[1] = index, self._period_s
         numbers[2:] = values
-        self.outlet.publish(self._block, self.next_index)
+        self.outlet.publish(raw, index)
         if self.copy:
-            self.copy.pass_on(self._block, self.next_index, count)
-        self.next_index += count
+            self.copy.pass_on(raw, index, count)
+        self.next_index = index + count
         self._write_numbers(self.next_index - 1, self._period_s, values[-1])
+
+    def _new_block(self, count: int) -> tuple[bytearray, NDArray[np.float64]]:
+        """Make room for the messages of a length, for the next ones too unless it is a large one."""
+        head = self._codec.header(count)[0]
+        raw = bytearray(head) + bytes(8 * (count + 2))
+        block = raw, np.frombuffer(raw, '<f8', -1, len(head))
+        if count <= _LONGEST_KEPT:
+            if len(self._blocks) >= _KEPT_LENGTHS:
+                self._blocks.clear()
+            self._blocks[count] = block
+        return block
 
     def flush(self) -> None:
         """Send what the copy has collected."""
@@ -179,9 +191,8 @@ class StreamReader:
         self._take_message = self.subscription.handle.take_message
         self._period_s: float | None = None
         self._fast_period_s = math.nan  # the period while the quick path may be taken, else NaN
-        # What a block like the newest one begins with, and where its numbers are.
-        self._block_head = b''
-        self._block_size = -1
+        # Number of bytes -> what such a block begins with, of some that have come.
+        self._heads: dict[int, bytes] = {}
         self._first = 0
         self._any_start = False
         self._warned = 0.0
@@ -282,11 +293,13 @@ class StreamReader:
     def take_rest(self) -> NDArray[np.float64] | None:
         """Do as `take_other`, with an array; quicker for long blocks."""
         raw = self.raw
-        if len(raw) == self._block_size and raw.startswith(self._block_head):
-            numbers = np.frombuffer(raw, np.float64, -1, len(self._block_head))
-            if numbers[0] == self.next_index and numbers[1] == self._fast_period_s:
-                samples = numbers[2:]
-                if _all(np.isfinite(samples)):
+        head = self._heads.get(len(raw))
+        if head is not None and raw.startswith(head):
+            at = len(head)
+            index, period_s = _unpack_pair(raw, at)
+            if index == self.next_index and period_s == self._fast_period_s:
+                samples = np.frombuffer(raw, np.float64, -1, at + 16)
+                if _isfinite(samples.dot(samples)):  # else one of them may not be
                     self.next_index += samples.size
                     return samples
         if not raw:
@@ -306,12 +319,19 @@ class StreamReader:
         if samples.size:
             self.next_index += samples.size
             self._fast_period_s = period_s
-            self._block_head = self._codec.header(samples.size)[0]
-            self._block_size = len(self._block_head) + 8 * (samples.size + 2)
+            if len(raw) not in self._heads:
+                self._remember_head(len(raw), samples.size)
         else:
             self.ended = True
             self._fast_period_s = math.nan
         return samples
+
+    def _remember_head(self, length: int, samples: int) -> None:
+        if len(self._heads) >= _KEPT_LENGTHS:
+            self._heads.clear()
+        head = self._codec.header(samples)[0]
+        if len(head) + 8 * (samples + 2) == length:
+            self._heads[length] = head
 
     def _decode(self, raw: bytes) -> ArrayBlock:
         try:

@@ -185,7 +185,7 @@ def test_who_has_sent_nothing_but_what_was_refused_may_leave(compensator, peer, 
 
 
 @pytest.mark.parametrize('compiled', ['false', 'true'])
-def test_blocks_that_have_piled_up_are_answered_one_by_one_before_what_ends_the_run(
+def test_blocks_that_have_piled_up_are_answered_together_before_what_ends_the_run(
         compensator, peer, block, compiled):
     process, writer = compensator(compiled=compiled)
     process.send(signal.SIGSTOP)
@@ -202,4 +202,25 @@ def test_blocks_that_have_piled_up_are_answered_one_by_one_before_what_ends_the_
     assert status['refused'] == len(lengths)
     _assert_end(peer, start)
     np.testing.assert_array_equal(peer.samples('voltage'), _expected_v()[:start])
-    assert [len(message.data) - 2 for message in peer.received['voltage']] == [*lengths, 0]
+    # Sixteen messages are taken at once, and every second one is refused.
+    together = [sum(lengths[first:first + 8]) for first in range(0, len(lengths), 8)]
+    assert [len(message.data) - 2 for message in peer.received['voltage']] == [*together, 0]
+
+
+@pytest.mark.parametrize('compiled', ['false', 'true'])
+def test_blocks_that_have_piled_up_are_joined_only_to_what_a_datagram_holds(
+        compensator, peer, block, compiled):
+    process, writer = compensator(compiled=compiled)
+    process.send(signal.SIGSTOP)
+    lengths = [9000, 3000, 3000, 1500, 1, 7500, 7499, 1]
+    command_um = np.resize(COMMAND_UM, sum(lengths))
+    start = 0
+    for length in lengths:
+        writer.publish(block('command', start, command_um[start:start + length].tolist()))
+        start += length
+    process.send(signal.SIGCONT)
+    voltage_v = peer.wait_for_samples('voltage', start)
+    np.testing.assert_array_equal(
+        voltage_v, MaxwellResistiveCapacitor().inverse(command_um)[0])
+    assert [len(message.data) - 2 for message in peer.received['voltage']] == [
+        9000, 7500, 1, 7500, 7500]

@@ -174,6 +174,7 @@ def test_a_plant_may_join_in_the_middle(managed, peer, block):
     rig.index = 5000
     # The reading before the first voltage opens the stream, as at any other start.
     assert list(first.data) == [5000.0, 1e-5, rig.measure()]
-    assert [message.data[0] for message in others] == [5001.0, 5008.0]
+    # One answer, or one for each block: boundaries carry no meaning.
+    assert [message.data[0] for message in others] in ([5001.0], [5001.0, 5008.0])
     np.testing.assert_array_equal(
         np.concatenate([message.data[2:] for message in others]), rig.run(VOLTAGE_V))
