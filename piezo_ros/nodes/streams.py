@@ -145,7 +145,7 @@ class StreamWriter:
         self._write_numbers(self.next_index - 1, self._period_s, values[-1])
 
     def _new_block(self, count: int) -> tuple[bytearray, NDArray[np.float64]]:
-        """Make room for the messages of a length, for the next ones too unless it is a large one."""
+        """Make room for the messages of a length, once and for all unless they are large."""
         head = self._codec.header(count)[0]
         raw = bytearray(head) + bytes(8 * (count + 2))
         block = raw, np.frombuffer(raw, '<f8', -1, len(head))
@@ -327,6 +327,8 @@ class StreamReader:
         return samples
 
     def _remember_head(self, length: int, samples: int) -> None:
+        if samples > _LONGEST_KEPT:
+            return  # its dot product would wake the threads of the linear algebra
         if len(self._heads) >= _KEPT_LENGTHS:
             self._heads.clear()
         head = self._codec.header(samples)[0]
