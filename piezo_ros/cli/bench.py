@@ -56,6 +56,7 @@ def _bench(options: argparse.Namespace) -> int:
         BenchmarkError,
         benchmark_record,
         changes,
+        check_continues,
         chosen,
         joined,
         read_record,
@@ -84,6 +85,8 @@ def _bench(options: argparse.Namespace) -> int:
             if options.json is None:
                 raise BenchmarkError('--append needs --json')
             rounds_before = read_record(options.json) if options.json.exists() else None
+            if rounds_before:
+                check_continues(rounds_before, measurements)  # not after minutes of measuring
     except BenchmarkError as error:
         print(f'piezo: {error}', file=sys.stderr)
         return 2

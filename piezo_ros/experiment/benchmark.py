@@ -11,7 +11,7 @@ import math
 import os
 import platform
 import statistics
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -28,6 +28,7 @@ __all__ = [
     'Readings',
     'benchmark_record',
     'changes',
+    'check_continues',
     'chosen',
     'joined',
     'read_record',
@@ -296,17 +297,44 @@ def joined(
         If it is another machine, or something else was measured.
 
     """
-    if earlier['machine'] != _machine():
-        raise BenchmarkError(
-            f'the earlier rounds are of another machine: {earlier["machine"]}, not {_machine()}')
+    _check_same(earlier, readings.values.keys())
     before = {name: row['values'] for name, row in earlier['results'].items()}
-    if before.keys() != readings.values.keys():
-        different = ', '.join(sorted(before.keys() ^ readings.values.keys()))
-        raise BenchmarkError(f'the earlier rounds are of other measurements: {different}')
     return readings._replace(values={
         quantity.name: before[quantity.name] + readings.values[quantity.name]
         for entry in measurements for quantity in entry.quantities
         if quantity.name in before})
+
+
+def check_continues(earlier: Mapping[str, Any], measurements: Iterable[Measurement]) -> None:
+    """
+    Refuse to measure more rounds for an earlier benchmark that `joined` would not take.
+
+    Parameters
+    ----------
+    earlier : mapping
+        As `read_record` returns it.
+    measurements : iterable of Measurement
+        What is to be measured.
+
+    Raises
+    ------
+    BenchmarkError
+        If it is another machine, or something else was measured.
+
+    """
+    _check_same(earlier, {
+        quantity.name for entry in measurements if not entry.missing()
+        for quantity in entry.quantities})
+
+
+def _check_same(earlier: Mapping[str, Any], names: Set[str]) -> None:
+    if earlier['machine'] != _machine():
+        raise BenchmarkError(
+            f'the earlier rounds are of another machine: {earlier["machine"]}, not {_machine()}')
+    different = earlier['results'].keys() ^ names
+    if different:
+        raise BenchmarkError(
+            f'the earlier rounds are of other measurements: {", ".join(sorted(different))}')
 
 
 def read_record(path: Path) -> dict[str, Any]:

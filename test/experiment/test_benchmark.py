@@ -11,6 +11,7 @@ from piezo_ros.experiment.benchmark import (
     Ratio,
     benchmark_record,
     changes,
+    check_continues,
     chosen,
     joined,
     read_record,
@@ -125,6 +126,9 @@ def test_rounds_of_something_else_are_not_joined():
     readings = take_rounds(table, 1)
     with pytest.raises(BenchmarkError, match='of other measurements: slow'):
         joined(earlier, table, readings)
+    with pytest.raises(BenchmarkError, match='of other measurements: slow'):
+        check_continues(earlier, table)
+    check_continues(earlier, [*table, measurement('slow', [5.0])])
     earlier['machine']['cores'] = 10**6
     with pytest.raises(BenchmarkError, match='of another machine'):
         joined(earlier, table, readings)
