@@ -106,9 +106,7 @@ def hold_packed_array(
 ) -> None:
     """Fill ``displacement_um`` with the readings; the state in ``memory`` moves on."""
     state, constants = _unpacked_rig(memory, None)
-    for k in range(voltage_v.size):
-        true_um = _rig_step(state, constants, voltage_v[k])
-        displacement_um[k] = _measure_step(constants, true_um, noise[k])
+    rig_array(state, constants, voltage_v, noise, displacement_um)
 
 
 @kernel
@@ -118,6 +116,4 @@ def hold_packed_creeping_array(
 ) -> None:
     """Do as `hold_packed_array` for a rig with creep or drift."""
     state, constants = _unpacked_rig(memory, _packed_creep(memory))
-    for k in range(voltage_v.size):
-        true_um = _rig_step(state, constants, voltage_v[k])
-        displacement_um[k] = _measure_step(constants, true_um, noise[k])
+    rig_array(state, constants, voltage_v, noise, displacement_um)
