@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from piezo_ros.control import stepping as control_stepping
 from piezo_ros.model import stepping
-from piezo_ros.model.compiled import brief_kernel, bytes_at, floats_at
+from piezo_ros.model.compiled import brief_kernel, bytes_at, floats_at, integers_at
 from piezo_ros.model.step import step
 
 __all__ = ['relay_controller', 'relay_inverse', 'relay_rig']
@@ -70,39 +70,48 @@ def _is_next(raw: Any, expected: Any, index: int) -> bool:
 
 
 @step
-def _answer(message: Any, recent: Any, index: int, value: float) -> None:
-    size = len(message)
+def _expected(places: Any, last: int, raw: Any) -> bool:
+    """Return whether a message is simply the next one, by the last five of the operands."""
+    return _is_next(raw, bytes_at(places, last - 4), integers_at(places, last - 1)[0])
+
+
+@step
+def _answer(places: Any, last: int, value: float) -> None:
+    message, recent = bytes_at(places, last - 3), floats_at(places, last - 2)
+    asked, answered = integers_at(places, last - 1), integers_at(places, last)
+    size, index = len(message), answered[0]
     recent[index % len(recent)] = value
     _put(message, size - _INDEX, index)
     _put(message, size - _SAMPLE, value)
+    asked[0] += 1
+    answered[0] = index + 1
 
 
 @brief_kernel
-def relay_inverse(places: _Places, raw: bytes, index: int, answer_index: int) -> bool:
+def relay_inverse(places: _Places, raw: bytes) -> bool:
     """
     Answer a command with its voltage, see `inverse_packed`.
 
-    Operands: memory, and what the relay adds: expected and own message, recent answers.
+    Operands: memory, and what the relay adds: expected and own message, recent answers, index of
+    the next message and of the next answer.
     """
-    memory, expected = floats_at(places, 0), bytes_at(places, 1)
-    if not _is_next(raw, expected, index):
+    if not _expected(places, 5, raw):
         return False
-    voltage_v = _inverse_packed(memory, _number(raw, len(raw) - _SAMPLE))
-    _answer(bytes_at(places, 2), floats_at(places, 3), answer_index, voltage_v)
+    _answer(places, 5, _inverse_packed(floats_at(places, 0), _number(raw, len(raw) - _SAMPLE)))
     return True
 
 
 @brief_kernel
-def relay_rig(places: _Places, raw: bytes, index: int, answer_index: int) -> bool:
+def relay_rig(places: _Places, raw: bytes) -> bool:
     """
     Answer a voltage with a reading, see `hold_packed` and `hold_packed_creeping`.
 
     Operands: memory; where the voltage is left; whether the rig creeps; index of the first noise,
     noise; and what the relay adds.
     """
-    noise, expected = floats_at(places, 4), bytes_at(places, 5)
-    at = answer_index - places[6]
-    if not (0 <= at < len(noise) and _is_next(raw, expected, index)):
+    noise = floats_at(places, 4)
+    at = integers_at(places, 9)[0] - places[6]
+    if not (0 <= at < len(noise) and _expected(places, 9, raw)):
         return False
     memory, held_v = floats_at(places, 0), floats_at(places, 1)
     voltage_v = _number(raw, len(raw) - _SAMPLE)
@@ -111,25 +120,25 @@ def relay_rig(places: _Places, raw: bytes, index: int, answer_index: int) -> boo
         displacement_um = _hold_packed_creeping(memory, voltage_v, noise[at])
     else:
         displacement_um = _hold_packed(memory, voltage_v, noise[at])
-    _answer(bytes_at(places, 6), floats_at(places, 7), answer_index, displacement_um)
+    _answer(places, 9, displacement_um)
     return True
 
 
 @brief_kernel
-def relay_controller(places: _Places, raw: bytes, index: int, answer_index: int) -> bool:
+def relay_controller(places: _Places, raw: bytes) -> bool:
     """
     Answer a displacement with a command, see `controller_packed`.
 
     Operands: memory; index of the first sample of the run, and of the first target; reference,
     feedforward; and what the relay adds.
     """
-    reference_um, expected = floats_at(places, 3), bytes_at(places, 5)
-    at = answer_index - places[4]
-    if not (0 <= at < len(reference_um) and _is_next(raw, expected, index)):
+    reference_um = floats_at(places, 3)
+    index = integers_at(places, 9)[0]
+    at = index - places[4]
+    if not (0 <= at < len(reference_um) and _expected(places, 9, raw)):
         return False
-    packed, feedforward_um = floats_at(places, 0), floats_at(places, 4)
     command_um = _controller_packed(
-        packed, answer_index - places[2], reference_um[at], feedforward_um[at],
+        floats_at(places, 0), index - places[2], reference_um[at], floats_at(places, 4)[at],
         _number(raw, len(raw) - _SAMPLE))
-    _answer(bytes_at(places, 6), floats_at(places, 7), answer_index, command_um)
+    _answer(places, 9, command_um)
     return True

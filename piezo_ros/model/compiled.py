@@ -24,7 +24,15 @@ from numpy.typing import NDArray
 
 from piezo_ros.model.step import marked_steps
 
-__all__ = ['Operands', 'brief_kernel', 'bytes_at', 'direct', 'floats_at', 'kernel']
+__all__ = [
+    'Operands',
+    'brief_kernel',
+    'bytes_at',
+    'direct',
+    'floats_at',
+    'integers_at',
+    'kernel',
+]
 
 _arrays: Any = arrayobj  # without types
 _make_array = _arrays.make_array
@@ -109,11 +117,12 @@ class Operands:
     Arrays and integers for a kernel that finds them by their places.
 
     A call with six arrays takes longer to unwrap them than the step that it does; here one array of
-    addresses stands for all. In the kernel, `floats_at` and `bytes_at` give the arrays back.
+    addresses stands for all. In the kernel, `floats_at`, `integers_at` and `bytes_at` give the
+    arrays back.
 
     Parameters
     ----------
-    *operands : ndarray of float64 or of uint8, or int
+    *operands : ndarray of float64, int64 or uint8, or int
         One-dimensional contiguous arrays, kept alive as long as this object, and plain numbers.
 
     Attributes
@@ -132,10 +141,10 @@ def _place(operand: NDArray[Any] | int) -> tuple[int, int]:
     if isinstance(operand, int):
         return operand, 0
     if operand.ndim != 1 or not operand.flags.c_contiguous or (
-            operand.dtype not in (np.float64, np.uint8)):
+            operand.dtype not in (np.float64, np.int64, np.uint8)):
         raise ValueError(
             f'an array of {operand.dtype} and shape {operand.shape}; allowed are contiguous '
-            'one-dimensional ones of float64 or uint8')
+            'one-dimensional ones of float64, int64 or uint8')
     return operand.ctypes.data, operand.size
 
 
@@ -166,6 +175,7 @@ def _operand_of(item: Any) -> Any:
 
 # Of `Operands.places` and the number of the operand.
 floats_at: Final[Any] = _operand_of(types.float64)
+integers_at: Final[Any] = _operand_of(types.int64)
 bytes_at: Final[Any] = _operand_of(types.uint8)
 
 

@@ -122,7 +122,7 @@ class BlockBuffer:
 
         """
         for block in self.pull(self.size):
-            self._reader.queue.extend(block.tolist())
+            self._reader.queue.extend(block)
         if self._fault and not self._reader.queue:
             raise self._fault
 

@@ -41,7 +41,7 @@ class Compensator(Stage):
     def _make_relay(self) -> 'Relay':
         from piezo_ros.bag.relay_kernels import relay_inverse
         from piezo_ros.nodes.relay import Relay
-        relay = Relay(self._command, self._voltage, relay_inverse, self._poll_other)
+        relay = Relay(self, self._command, self._voltage, relay_inverse, self._poll_other)
         relay.bind(packed_memory(self._inverse))
         return relay
 
@@ -53,7 +53,7 @@ class Compensator(Stage):
         self.in_blocks = False
         self._voltage.publish_one(self._inverse(sample))
         if self._relay:
-            self.quick = self._relay.poll
+            self.quick = self._relay.look
         return True
 
     def _poll_other(self) -> bool:

@@ -1,7 +1,6 @@
 """The controller: reference, feedforward and displacement in, linearised command out."""
 
 from collections.abc import Callable, Mapping
-from itertools import islice
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -132,7 +131,7 @@ class Controller(Stage):
     def _make_relay(self) -> 'Relay':
         from piezo_ros.bag.relay_kernels import relay_controller
         from piezo_ros.nodes.relay import Relay
-        return Relay(self._displacement, self._command, relay_controller, self._poll_other)
+        return Relay(self, self._displacement, self._command, relay_controller, self._poll_other)
 
     def _lend(self, relay: 'Relay') -> None:
         """Let the relay go on as far as there are targets; what it has used is dropped later."""
@@ -144,27 +143,26 @@ class Controller(Stage):
             count = min(count, self._schedule.change_at - self._index)
         if count < _WORTH_LENDING:
             return
-        reference_um = np.array(list(islice(self._reference.queue, count)))
+        reference_um = self._reference.queue.head(count)
         feedforward_um = (
-            np.array(list(islice(self._feedforward.queue, count))) if self._feeds_forward
-            else np.zeros(count))
+            self._feedforward.queue.head(count) if self._feeds_forward else np.zeros(count))
         self._lent_at = self._command.next_index
         relay.bind(self._packed.packed, self._first, self._lent_at, reference_um, feedforward_um)
-        self.quick = relay.poll
+        self.quick = relay.look
 
     def _take_back(self) -> None:
         """Drop the targets that the relay has used."""
         if self._lent_at is None:
             return
         self._lent_at = None
-        self.quick = self.poll
+        self.quick = self.look
         self._reference.drop_before(self._command.next_index)
         self._feedforward.drop_before(self._command.next_index)
 
     def _poll_other(self) -> bool:
         """Go on with what the relay could not answer."""
         self._take_back()
-        samples = self._displacement.take_other()
+        samples = self._displacement.take_rest()
         if samples is not None:
             self._displacement.queue.extend(samples)
         return self.poll() or samples is not None

@@ -27,9 +27,11 @@ from piezo_ros.nodes.supervisor import Supervisor, stopped_by
 __all__ = ['GraphRunner']
 
 # How long a run must be for compiled steps to make up for the compiler's start: without feedback a
-# second's work of Python steps; with it, what the loop waits for the plant, whose step is longest.
+# second's work of Python steps; with it, what the loop waits for the plant, whose step is longest,
+# and for all of them.
 _WORTH_COMPILING_BLOCKS: Final = 200_000
 _WORTH_COMPILING_PLANT: Final = 30_000
+_WORTH_COMPILING_LOOP: Final = 40_000
 _LAST_STATUS_S: Final = 5.0  # how long to wait for it once all is recorded
 
 
@@ -151,6 +153,8 @@ def _worth_compiling(planned: PlannedRun) -> Collection[str]:
     samples = planned.trajectory.samples
     if planned.bare or not planned.controller.uses_feedback:
         return planned.stages if samples > _WORTH_COMPILING_BLOCKS else ()
+    if samples > _WORTH_COMPILING_LOOP:
+        return planned.stages
     return ('plant',) if samples > _WORTH_COMPILING_PLANT else ()
 
 

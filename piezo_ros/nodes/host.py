@@ -26,10 +26,13 @@ __all__ = ['host']
 
 _HOUSEKEEPING_S = 0.05
 _TURNS = 64  # of the stages in which others wait, between two looks at all the rest
-_NAPS = 4  # the same where others have blocks on their way, and who has none naps
+_TURNS_ALONE = 16  # the same of one such stage alone in its process
+_LOOKS_ALONE = 64  # in each of these for a message, yielding in between
+_NAPS = 4  # turns where others have blocks on their way, and who has none naps
 _YIELD_S = 0.02  # how long an empty loop only yields before it sleeps
-_FOLLOW_S = 0.005  # how long an empty trajectory naps: blocks without feedback are soon used up
 _SHORT_SLEEP_S = 0.001
+_LONGEST_SLEEP_S = 0.01
+_SHARE_SLEPT = 0.2  # of the time without input at once, by whom nobody waits for
 _ACKNOWLEDGE_S = 5.0  # how long the readers, of which one may be dead, have for the last messages
 _DISCOVER_S = 1.0  # how long a supervisor has to discover a process that it ends so soon
 _CLOSE_S = 1.0  # how long a service that is being answered may take to its end
@@ -170,7 +173,8 @@ def _stream_loop(stages: Sequence[Stage], stop: _Stop) -> None:
     # In the direction of flow, so that each finds what the one before has just sent.
     urgent = sorted((stage for stage in stages if stage.urgent), key=_place_in_flow)
     others = [stage for stage in stages if not stage.urgent]
-    follows = any(not stage.in_bursts for stage in others)
+    # Blocks without feedback are soon used up.
+    least_sleep_s = _SHORT_SLEEP_S if all(stage.in_bursts for stage in others) else NAP_S
     next_housekeeping = idle_since = time.monotonic()
     while not stop.signal_number:
         for stage in stages:
@@ -180,22 +184,27 @@ def _stream_loop(stages: Sequence[Stage], stop: _Stop) -> None:
         in_blocks = all(stage.in_blocks for stage in waited_for)
         if in_blocks:
             # The naps between the turns would keep the others waiting.
-            progress = _turns(waited_for, 1 if following else _NAPS, _nap, stop)
+            progress = _turns(waited_for, stop, 1 if following else _NAPS, _nap)
+        elif len(waited_for) == 1:
+            progress = _turns(waited_for, stop, _TURNS_ALONE, looks=_LOOKS_ALONE)
         else:
-            progress = _turns(waited_for, _TURNS, os.sched_yield, stop)
-        progress = _turns(following, 1, _nap, stop) or progress
-        naps, patience_s = (in_blocks, _YIELD_S) if waited_for else (follows, _FOLLOW_S)
+            progress = _turns(waited_for, stop, _TURNS)
+        progress = _turns(following, stop) or progress
         now = time.monotonic()
+        idle_s = now - idle_since
         if progress:
             idle_since = now
-        elif naps and now - idle_since < patience_s:
-            _nap()
-        elif now - idle_since > _YIELD_S or not waited_for:
-            if any(stage.running for stage in stages):
-                time.sleep(_SHORT_SLEEP_S)
-            else:
-                stop.wake.wait(_HOUSEKEEPING_S)
-                stop.wake.clear()
+        elif waited_for and idle_s < _YIELD_S:
+            if in_blocks:
+                _nap()
+        elif waited_for:
+            time.sleep(_SHORT_SLEEP_S)
+        elif following:
+            # Who has been asked for nothing for so long has time, and others need the processor.
+            time.sleep(min(max(least_sleep_s, _SHARE_SLEPT * idle_s), _LONGEST_SLEEP_S))
+        else:
+            stop.wake.wait(_HOUSEKEEPING_S)
+            stop.wake.clear()
         if now >= next_housekeeping:
             next_housekeeping = now + _HOUSEKEEPING_S
             for stage in stages:
@@ -209,9 +218,26 @@ def _nap() -> None:
 
 
 def _turns(
-    stages: Sequence[Stage], number: int, pause: Callable[[], None], stop: _Stop,
+    stages: Sequence[Stage], stop: _Stop, number: int = 1,
+    pause: Callable[[], None] = os.sched_yield, looks: int = 1,
 ) -> bool:
-    """Let running stages do what they can, several times; return whether there was anything."""
+    """
+    Let running stages do what they can; return whether there was anything.
+
+    Parameters
+    ----------
+    stages : sequence of Stage
+        Who has a turn, in this order.
+    stop : _Stop
+        Ends it.
+    number : int
+        How many turns each has.
+    pause : callable
+        What to do between two turns if nobody had anything to do.
+    looks : int
+        How often each looks for its input in one turn. A turn without any is the last then.
+
+    """
     if not stages:
         return False
     progress = False
@@ -220,13 +246,16 @@ def _turns(
         for stage in stages:
             # Stages end within a turn; and who shall stop must not see its peers do so first.
             if stage.running and not stop.signal_number:
+                quick = stage.quick  # which is called faster than an attribute
                 try:
-                    if stage.quick():
+                    if quick(looks):
                         idle = False
                 except Exception as error:  # The run ends in order and the voltage at zero.
                     stage.break_off(error)
         if not idle:
             progress = True
+        elif looks > 1:
+            break
         elif turn < number:
             pause()
     return progress

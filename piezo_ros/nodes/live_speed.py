@@ -21,8 +21,8 @@ from piezo_ros.nodes.other_rings import HOPS, TRANSPORTS, missing_transport
 
 __all__ = ['LIVE', 'LIVE_RATIOS']
 
-_COMPOSED_PERIODS: Final = 120.0
-_SEPARATE_PERIODS: Final = 120.0
+_COMPOSED_PERIODS: Final = 600.0
+_SEPARATE_PERIODS: Final = 150.0
 _BLOCK_PERIODS: Final = 15_000.0
 _BLOCK_SAMPLES: Final = 1000
 _BLOCK_ROUNDS: Final = 5000

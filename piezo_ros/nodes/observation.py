@@ -4,10 +4,12 @@ import math
 import time
 import traceback
 from collections.abc import Callable
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.clock import Clock, ClockType
+from rclpy.event_handler import PublisherEventCallbacks
 from std_msgs.msg import Float64
 
 from piezo_ros.nodes.qos import DIAGNOSTICS, NEWEST
@@ -62,7 +64,8 @@ class Monitor:
     """
     The newest sample of each output on ``monitor/<stream>``, for tools that plot or echo.
 
-    Best effort and at a rate of the wall clock: looking never slows a run.
+    Best effort and at a rate of the wall clock: looking never slows a run. While nobody looks,
+    nobody is woken.
 
     Parameters
     ----------
@@ -74,6 +77,7 @@ class Monitor:
     def __init__(self, stage: 'Stage') -> None:
         self._stage = stage
         self._publishers: dict[str, Any] = {}
+        self._readers: dict[str, int] = {}
         self._shown: dict[str, tuple[int, float]] = {}  # samples sent by then, and when
         self._timer = SteadyTimer(stage, self.show)
         self._rate_hz = 0.0
@@ -81,9 +85,17 @@ class Monitor:
 
     def create_endpoints(self) -> None:
         """Create a publisher for each output; they go when the stage is cleaned up."""
+        self._readers = dict.fromkeys(self._stage.writers, 0)
         self._publishers = {
-            stream: self._stage.create_own_publisher(Float64, f'monitor/{stream}', NEWEST)
+            stream: self._stage.create_own_publisher(
+                Float64, f'monitor/{stream}', NEWEST,
+                PublisherEventCallbacks(matched=partial(self._count_readers, stream)))
             for stream in self._stage.writers}
+
+    def _count_readers(self, stream: str, matched: Any) -> None:
+        """Take the news that somebody looks at an output or does so no more; in the executor."""
+        self._readers[stream] = matched.current_count
+        self._allow(self._most_hz)
 
     def start(self) -> None:
         """Show what a run sends from now on."""
@@ -108,7 +120,7 @@ class Monitor:
 
     def _allow(self, most_hz: float) -> None:
         self._most_hz = most_hz
-        self._timer.run_at(min(self._rate_hz, most_hz) if self._publishers else 0.0)
+        self._timer.run_at(min(self._rate_hz, most_hz) if any(self._readers.values()) else 0.0)
 
     def show(self) -> None:
         """Publish what has come since the last time, and now and then what is still the newest."""

@@ -123,7 +123,7 @@ class Plant(Stage):
     def _make_relay(self) -> 'Relay':
         from piezo_ros.bag.relay_kernels import relay_rig
         from piezo_ros.nodes.relay import Relay
-        relay = Relay(self._voltage, self._displacement, relay_rig, self._poll_other)
+        relay = Relay(self, self._voltage, self._displacement, relay_rig, self._poll_other)
         self._bind(relay)  # what must be compiled or loaded is so before the first sample
         return relay
 
@@ -156,7 +156,7 @@ class Plant(Stage):
     def _lend(self, relay: 'Relay') -> None:
         """Let the relay go on as far as there is noise at hand."""
         self._bind(relay)
-        self.quick = relay.poll
+        self.quick = relay.look
 
     def _bind(self, relay: 'Relay') -> None:
         window = self._noise.window(self._displacement.next_index)
@@ -164,7 +164,7 @@ class Plant(Stage):
 
     def _poll_other(self) -> bool:
         # At the end of its noise the relay cannot go on either.
-        self.quick = self.poll
+        self.quick = self.look
         return bool(self._voltage.raw) and self._answer_waiting()
 
     def _answer_one(self, sample: float) -> None:

@@ -6,6 +6,7 @@ by an executor in another thread, see `piezo_ros.nodes.stream_node`.
 """
 
 import json
+import os
 import time
 import traceback
 from collections.abc import Callable, Mapping
@@ -73,8 +74,8 @@ class Stage(StreamNode):
         self.activity = 'unconfigured'
         self.result = ''  # how the newest run ended
         self.reason = ''
-        # What the stream loop calls: `poll`, or a quicker way that ends in it.
-        self.quick: Callable[[], bool] = self.poll
+        # What the stream loop calls: `look`, or a quicker way that does the same.
+        self.quick: Callable[[int], bool] = self.look
         self.readers: dict[str, StreamReader] = {}
         self.writers: dict[str, StreamWriter] = {}
         self._status = self.create_publisher(String, 'status', LATCHED)
@@ -96,6 +97,15 @@ class Stage(StreamNode):
     def poll(self) -> bool:
         """Do what can be done now; return whether there was anything."""
         raise NotImplementedError
+
+    def look(self, times: int) -> bool:
+        """Poll until there is something, but only so often, yielding in between; return as that."""
+        while not self.poll():
+            times -= 1
+            if times <= 0 or self.stop_requested or not self.running:
+                return False
+            os.sched_yield()
+        return True
 
     def quiesce(self) -> None:
         """Bring whatever the stage drives to rest; called once at the end of a run."""
@@ -204,7 +214,7 @@ class Stage(StreamNode):
                 writer.start(max(start_index, 0), period_s)
             self.over, self.reason, self.result = False, '', ''
             self.run_number += 1
-            self.quick = self.poll
+            self.quick = self.look
             try:
                 self.start()
             except Exception as error:  # rclpy would swallow it.

@@ -10,6 +10,7 @@ import traceback
 from collections.abc import Callable, Iterator
 from typing import Any
 
+from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.lifecycle import LifecycleNode
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
@@ -74,9 +75,11 @@ class StreamNode(LifecycleNode):
 
     def create_own_publisher(
         self, message_type: Any, topic: str, qos: QoSProfile,
+        event_callbacks: PublisherEventCallbacks | None = None,
     ) -> Publisher[Any]:
         """Create a publisher beside the streams; it goes when the node is cleaned up."""
-        publisher = self.create_publisher(message_type, topic, **overridable(qos))
+        publisher = self.create_publisher(
+            message_type, topic, event_callbacks=event_callbacks, **overridable(qos))
         self._own_publishers.append(publisher)
         return publisher
 

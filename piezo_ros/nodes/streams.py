@@ -8,7 +8,7 @@ what that gains.
 import math
 import struct
 import time
-from collections import deque
+from array import array
 from collections.abc import Sequence
 from functools import partial
 from typing import TYPE_CHECKING
@@ -28,6 +28,7 @@ from piezo_ros.bag.block import (
 )
 from piezo_ros.nodes.outlet import Outlet
 from piezo_ros.nodes.qos import STREAM
+from piezo_ros.nodes.sample_queue import SampleQueue
 from piezo_ros.nodes.stream_copy import StreamCopy
 
 if TYPE_CHECKING:
@@ -60,6 +61,11 @@ class StreamWriter:
     copy_samples : int
         Largest block of a copy for a recorder, see `piezo_ros.nodes.stream_copy`; 0 for none.
 
+    Attributes
+    ----------
+    counter : array of int, shape (1,)
+        `next_index` where compiled code finds it.
+
     """
 
     def __init__(self, stage: 'Stage', stream: str, copy_samples: int = 0) -> None:
@@ -67,7 +73,7 @@ class StreamWriter:
         self.outlet = Outlet(stage, stream)
         self.publisher = self.outlet.publisher
         self.copy = StreamCopy(stage, stream, copy_samples) if copy_samples else None
-        self.next_index = 0
+        self.counter = array('q', [0])
         self._codec = BlockCodec(stream)
         # A block of one sample is written over the one before: no bytes are put together for it.
         head, numbers = self._codec.single
@@ -87,7 +93,7 @@ class StreamWriter:
         self._write_numbers(index, sample_period_s, 0.0)
 
     def _begin(self, index: int) -> None:
-        self._first = self.next_index = index
+        self._first = self.counter[0] = index
         if self.copy:
             self.copy.start(index, self._period_s)
 
@@ -108,9 +114,14 @@ class StreamWriter:
         return _unpack_number(self.message, len(self.message) - 8)[0]  # type: ignore[no-any-return]
 
     @property
+    def next_index(self) -> int:
+        """Index of the next sample."""
+        return self.counter[0]
+
+    @property
     def sent(self) -> int:
         """Number of samples of this run."""
-        return self.next_index - self._first
+        return self.counter[0] - self._first
 
     def begin_at(self, index: int) -> None:
         """Begin at another index, unless something is sent already."""
@@ -119,10 +130,10 @@ class StreamWriter:
 
     def publish_one(self, value: float) -> None:
         """Publish the next sample."""
-        index = self.next_index
+        index = self.counter[0]
         self._write_numbers(index, self._period_s, value)
         self.outlet.publish(self.message, index)
-        self.next_index = index + 1
+        self.counter[0] = index + 1
         copy = self.copy
         if copy:
             copy.recent[index % copy.recent.size] = value
@@ -141,8 +152,8 @@ class StreamWriter:
         self.outlet.publish(raw, index)
         if self.copy:
             self.copy.pass_on(raw, index, count)
-        self.next_index = index + count
-        self._write_numbers(self.next_index - 1, self._period_s, values[-1])
+        self.counter[0] = index + count
+        self._write_numbers(index + count - 1, self._period_s, values[-1])
 
     def _new_block(self, count: int) -> tuple[bytearray, NDArray[np.float64]]:
         """Make room for the messages of a length, once and for all unless they are large."""
@@ -171,16 +182,33 @@ class StreamWriter:
 
 
 class StreamReader:
-    """Subscription of one stream; hands out blocks in order, counts what it refuses."""
+    """
+    Subscription of one stream; hands out blocks in order, counts what it refuses.
+
+    Parameters
+    ----------
+    stage : Stage
+        Whose node subscribes.
+    stream : str
+        The stream.
+    topic : str, optional
+        Its topic, where that has another name.
+
+    Attributes
+    ----------
+    counter : array of int, shape (1,)
+        `next_index` where compiled code finds it.
+
+    """
 
     def __init__(self, stage: 'Stage', stream: str, topic: str = '') -> None:
         self.stream = stream
         self.subscription = stage.create_stream_subscription(
             Float64MultiArray, topic or stream, STREAM)
-        self.queue: deque[float] = deque()
+        self.queue = SampleQueue()
         self.refused = 0
         self.gaps = 0
-        self.next_index = 0
+        self.counter = array('q', [0])
         self.ended = False
         self.raw = b''  # the newest message, nothing where there was none
         self._stage = stage
@@ -212,7 +240,7 @@ class StreamReader:
 
         """
         self.queue.clear()
-        self._first = self.next_index = index
+        self._first = self.counter[0] = index
         self.refused = 0
         self.gaps = 0
         self.ended = False
@@ -227,9 +255,14 @@ class StreamReader:
         return self._codec.encode_one(0, self._period_s or 0.0, 0.0)
 
     @property
+    def next_index(self) -> int:
+        """Index of the next sample."""
+        return self.counter[0]
+
+    @property
     def received(self) -> int:
         """Number of samples of this run."""
-        return self.next_index - self._first
+        return self.counter[0] - self._first
 
     def drain(self) -> None:
         """Throw away what is left of an earlier run."""
@@ -240,7 +273,7 @@ class StreamReader:
         """
         Return the next sample where it comes alone (hot path).
 
-        None is the answer to everything else, which `take_other` then looks at: no message, several
+        None is the answer to everything else, which `take_rest` then looks at: no message, several
         samples, the end, a message that is refused.
 
         """
@@ -252,14 +285,14 @@ class StreamReader:
         if len(raw) == self._single_size:
             head, index, period_s, sample = self._unpack_single(raw)
             if (
-                index == self.next_index and period_s == self._fast_period_s
+                index == self.counter[0] and period_s == self._fast_period_s
                 and sample - sample == 0.0 and head == self._single_head
             ):
-                self.next_index += 1
+                self.counter[0] += 1
                 return sample  # type: ignore[no-any-return]
         return None
 
-    def take(self) -> tuple[float, ...] | None:
+    def take_array(self) -> NDArray[np.float64] | None:
         """
         Return the samples of the next block, None where there is none (or it was refused).
 
@@ -271,16 +304,6 @@ class StreamReader:
             If samples are missing or the sample period changes.
 
         """
-        sample = self.take_one()
-        return self.take_other() if sample is None else (sample,)
-
-    def take_other(self) -> tuple[float, ...] | None:
-        """Do what `take` does with the message that `take_one` was not content with."""
-        samples = self.take_rest()
-        return None if samples is None else tuple(samples.tolist())
-
-    def take_array(self) -> NDArray[np.float64] | None:
-        """Do what `take` does, with an array."""
         self.take_raw()
         return self.take_rest()
 
@@ -291,16 +314,16 @@ class StreamReader:
         return taken is not None
 
     def take_rest(self) -> NDArray[np.float64] | None:
-        """Do as `take_other`, with an array; quicker for long blocks."""
+        """Do what `take_array` does with the message that was taken before."""
         raw = self.raw
         head = self._heads.get(len(raw))
         if head is not None and raw.startswith(head):
             at = len(head)
             index, period_s = _unpack_pair(raw, at)
-            if index == self.next_index and period_s == self._fast_period_s:
+            if index == self.counter[0] and period_s == self._fast_period_s:
                 samples = np.frombuffer(raw, np.float64, -1, at + 16)
                 if _isfinite(samples.dot(samples)):  # else one of them may not be
-                    self.next_index += samples.size
+                    self.counter[0] += samples.size
                     return samples
         if not raw:
             return None
@@ -317,7 +340,7 @@ class StreamReader:
             if not self._accept_other(index, period_s):
                 return None
         if samples.size:
-            self.next_index += samples.size
+            self.counter[0] += samples.size
             self._fast_period_s = period_s
             if len(raw) not in self._heads:
                 self._remember_head(len(raw), samples.size)
@@ -356,7 +379,7 @@ class StreamReader:
         if sample is not None:
             self.queue.append(sample)
             return True
-        samples = self.take_other()
+        samples = self.take_rest()
         if samples is None:
             return False
         self.queue.extend(samples)
@@ -372,7 +395,7 @@ class StreamReader:
         if samples is not None:
             wanted = self.next_index - index
             if wanted > 0:
-                self.queue.extend(samples[max(0, samples.size - wanted):].tolist())
+                self.queue.extend(samples[max(0, samples.size - wanted):])
         self.drop_before(index)
         return samples is not None
 
@@ -383,12 +406,7 @@ class StreamReader:
 
     def drop_before(self, index: int) -> None:
         """Drop the samples of the queue whose index is smaller."""
-        count = index - self.queue_index
-        if count >= len(self.queue):
-            self.queue.clear()
-        else:
-            for _ in range(count):
-                self.queue.popleft()
+        self.queue.drop(max(0, index - self.queue_index))
 
     def check_writer(self, timeout_s: float) -> bool:
         """
@@ -434,7 +452,7 @@ class StreamReader:
             raise StreamFault(
                 f'{topic} has the sample period {period_s!r} s, expected {self._period_s!r} s')
         if first:
-            self._first = self.next_index = index
+            self._first = self.counter[0] = index
             self._stage.begin_at(index)
         if index != self.next_index:
             self.gaps += 1

@@ -28,13 +28,18 @@ class Wire:
         self.inward, self.outward = BlockCodec(inward), BlockCodec(outward)
         self.message = bytearray(self.outward.encode_one(0, PERIOD_S, 0.0))
         self.recent = np.zeros(7)
+        self.asked, self.answered = np.zeros(1, np.int64), np.zeros(1, np.int64)
         self.templates = (
             np.frombuffer(self.inward.encode_one(0, PERIOD_S, 0.0), np.uint8),
-            np.frombuffer(self.message, np.uint8), self.recent)
+            np.frombuffer(self.message, np.uint8), self.recent, self.asked, self.answered)
 
     def relay(self, kernel, operands, raw, index, answer_index):
+        """Return whether the kernel has answered; it counts on for what it answers, else not."""
         held = Operands(*operands, *self.templates)
-        return kernel(held.places, raw, index, answer_index)
+        self.asked[0], self.answered[0] = index, answer_index
+        answers = kernel(held.places, raw)
+        assert (self.asked[0], self.answered[0]) == (index + answers, answer_index + answers)
+        return answers
 
     def ask(self, value, index):
         return self.inward.encode_one(index, PERIOD_S, value)
@@ -118,7 +123,7 @@ def test_whatever_is_not_simply_the_next_sample_changes_nothing():
 
 
 @pytest.mark.parametrize('wrong', [
-    np.zeros((2, 2)), np.zeros(8)[::2], np.zeros(3, np.float32), np.zeros(3, np.int64)])
+    np.zeros((2, 2)), np.zeros(8)[::2], np.zeros(3, np.float32), np.zeros(3, np.int32)])
 def test_arrays_that_a_kernel_would_misread_are_refused(wrong):
     with pytest.raises(ValueError, match='allowed are contiguous one-dimensional'):
         Operands(1, wrong)

@@ -105,6 +105,24 @@ def test_a_paced_run_shows_itself_and_counts_what_comes_too_late(managed, peer, 
     assert process.exit_code is None
 
 
+def test_who_looks_late_sees_the_newest_sample_too(managed, peer, block):
+    _process, writer = managed(noise_rms_um=0.0, monitor_rate_hz=100.0)
+    assert peer.change_state('plant', 'activate')
+    displacement_um = Rig(RigParameters(noise_rms_um=0.0)).run(VOLTAGE_V)
+    for count in (10, 20, 30):
+        seen = []
+        subscription = peer.node.create_subscription(
+            Float64, 'monitor/displacement', seen.append, qos_profile_sensor_data)
+        writer.publish(block('voltage', count - 10, VOLTAGE_V[count - 10:count]))
+        peer.wait_for_samples('displacement', count + 1)
+        peer.wait(
+            lambda seen=seen, newest=displacement_um[count - 1]: (
+                seen and seen[-1].data == newest),
+            'the newest sample on the monitor')
+        # Between one onlooker and the next there is none.
+        peer.node.destroy_subscription(subscription)
+
+
 def test_stop_reset_and_initialise(managed, peer, block, trigger):
     process, writer = managed(keep_state='true', noise_rms_um=0.0)
     clean_um = Rig(RigParameters(noise_rms_um=0.0)).run(VOLTAGE_V)

@@ -1,0 +1,80 @@
+"""Samples that wait to be used, one by one or many at once."""
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ['SampleQueue']
+
+_LEAST_ROOM: Final = 4096  # samples
+
+
+class SampleQueue:
+    """
+    First in, first out; what waits lies in one piece.
+
+    Compiled code uses the samples where they lie: what `head` has handed out is never written over,
+    whatever comes and goes.
+    """
+
+    def __init__(self) -> None:
+        self._samples = np.empty(_LEAST_ROOM)
+        self._first = self._end = 0
+
+    def __len__(self) -> int:
+        """Return the number of samples that wait."""
+        return self._end - self._first
+
+    def append(self, sample: float) -> None:
+        """Add a sample."""
+        if self._end == self._samples.size:
+            self._make_room(1)
+        self._samples[self._end] = sample
+        self._end += 1
+
+    def extend(self, samples: Sequence[float] | NDArray[np.float64]) -> None:
+        """Add samples."""
+        end = self._end + len(samples)
+        if end > self._samples.size:
+            self._make_room(len(samples))
+            end = self._end + len(samples)
+        self._samples[self._end:end] = samples
+        self._end = end
+
+    def popleft(self) -> float:
+        """
+        Return the oldest sample, which waits no more.
+
+        Raises
+        ------
+        IndexError
+            If no sample waits.
+
+        """
+        if self._first == self._end:
+            raise IndexError('no sample waits')
+        sample: float = self._samples.item(self._first)
+        self._first += 1
+        return sample
+
+    def head(self, count: int) -> NDArray[np.float64]:
+        """Return the oldest samples, at most those that wait, which go on waiting."""
+        return self._samples[self._first:min(self._first + count, self._end)]
+
+    def drop(self, count: int) -> None:
+        """Throw the oldest samples away, at most those that wait."""
+        self._first = min(self._first + count, self._end)
+
+    def clear(self) -> None:
+        """Throw all samples away."""
+        self._first = self._end
+
+    def _make_room(self, count: int) -> None:
+        """Move what waits to where there is room for more of it."""
+        waiting = self._samples[self._first:self._end]
+        # Elsewhere, for a part may be in use; and twice as much, so that it is not moved for each.
+        self._samples = np.empty(max(_LEAST_ROOM, 2 * (waiting.size + count)))
+        self._samples[:waiting.size] = waiting
+        self._first, self._end = 0, waiting.size
