@@ -128,7 +128,8 @@ def inverse_step(state: Vector, constants: HysteresisConstants, displacement_um:
     if state[line + _LOW] < displacement_um < state[line + _HIGH]:
         _drag(state, line, displacement_um)
         return state[line + _STIFFNESS] * displacement_um - state[line + _HELD_V]
-    settle_step(state, constants)
+    if not _goes_on(state, line, displacement_um):
+        settle_step(state, constants)
     _take_line(state, constants, displacement_um)
     return state[line + _STIFFNESS] * displacement_um - state[line + _HELD_V]
 
@@ -141,26 +142,86 @@ def forward_step(state: Vector, constants: HysteresisConstants, voltage_v: float
     The voltage is a monotone, piecewise linear function of the displacement, concave upwards of the
     present point and convex downwards, steepest where no element is saturated. Newton's method
     started on that steepest piece therefore never overshoots, the set of saturated elements only
-    grows, and the last linear piece is solved exactly: at most n + 1 solutions, mostly two.
+    grows, and the last linear piece is solved exactly: at most n + 1 solutions, mostly two. While
+    dragged plays are dragged further, the line that is kept is a piece to start on as well.
     """
     line = len(constants.width_um)
     displacement_um = (voltage_v + state[line + _HELD_V]) / state[line + _STIFFNESS]
     if state[line + _LOW] < displacement_um < state[line + _HIGH]:
         _drag(state, line, displacement_um)
         return displacement_um
-    settle_step(state, constants)
+    goes_on = _goes_on(state, line, displacement_um)
+    saturated = -1
+    drag, last_um = state[line + _DRAG], state[line + _LAST_UM]
+    while True:
+        if not goes_on:
+            settle_step(state, constants)
+            displacement_um = _steepest(state, constants, voltage_v)
+            saturated = 0
+        if _solve(state, constants, voltage_v, displacement_um, saturated) or not goes_on:
+            return state[line + _LAST_UM]
+        # Rounding could decide about an element: it does so from the steepest piece.
+        state[line + _DRAG], state[line + _LAST_UM] = drag, last_um
+        goes_on = False
+
+
+@step
+def _steepest(state: Vector, constants: HysteresisConstants, voltage_v: float) -> float:
+    """Return the displacement of a voltage if no element is saturated."""
     held_v = 0.0
-    for i in range(line):
+    for i in range(len(constants.width_um)):
         held_v += constants.slope_v_per_um[i] * state[i]
-    displacement_um = (voltage_v + held_v) / constants.total_v_per_um
-    saturated = 0
+    return (voltage_v + held_v) / constants.total_v_per_um
+
+
+@step
+def _solve(
+    state: Vector, constants: HysteresisConstants, voltage_v: float, displacement_um: float,
+    saturated: int,
+) -> bool:
+    """
+    Move the state to a voltage by Newton's method.
+
+    Parameters
+    ----------
+    state : vector
+        The state; the displacement that is found is the newest there.
+    constants : HysteresisConstants
+        The constants.
+    voltage_v : float
+        The voltage.
+    displacement_um : float
+        Where to begin, not beyond the solution.
+    saturated : int
+        How many elements are known to be saturated on the piece where that lies.
+
+    Returns
+    -------
+    bool
+        Whether the solution is so far from where any element saturates that it does not depend on
+        where the search began, to the last bit.
+
+    """
+    line = len(constants.width_um)
     for _ in range(line + 1):
         count = _take_line(state, constants, displacement_um)
         if count == saturated:
-            break
+            return False
         saturated = count
         displacement_um = (voltage_v + state[line + _HELD_V]) / state[line + _STIFFNESS]
-    return displacement_um
+        if state[line + _LOW] < displacement_um < state[line + _HIGH]:
+            _drag(state, line, displacement_um)
+            return True
+    return False
+
+
+@step
+def _goes_on(state: Vector, line: int, displacement_um: float) -> bool:
+    """Return whether a displacement beyond the line's reach drags its dragged plays further."""
+    drag = state[line + _DRAG]
+    if drag > 0.0:
+        return displacement_um > state[line + _LOW]
+    return drag < 0.0 and displacement_um < state[line + _HIGH]
 
 
 @step

@@ -1,3 +1,5 @@
+import math
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -249,6 +251,34 @@ def test_the_line_that_is_kept_gives_the_same_bits_as_every_element_looked_at(
         plays = without[:len(plays)]
     settle_step(kept, constants)
     assert kept[:len(plays)] == plays
+
+
+@either_way
+@given(operators(), inputs, st.booleans(), st.lists(
+    st.integers(-2000, 2000) | st.integers(-3, 3), min_size=1, max_size=12))
+@settings(max_examples=300)
+def test_the_line_is_left_at_the_same_bit_where_the_next_element_saturates(
+        way, operator, values, up, roundings):
+    step = inverse_step if way == 'inverse' else forward_step
+    constants = hysteresis_constants(operator.parameters)
+    width_um = np.array(constants.width_um)
+    kept = hysteresis_state([0.0] * width_um.size)
+    for value in values.tolist():
+        output = step(kept, constants, value)
+    for rounding in roundings:
+        plays = plays_of(kept, constants)
+        newest_um = output if way == 'forward' else value
+        edges_um = np.sort(plays + width_um if up else width_um - plays)
+        ahead = edges_um[edges_um > (newest_um if up else -newest_um)]
+        if not ahead.size:
+            break
+        edge_um = ahead[0] if up else -ahead[0]
+        edge = edge_um if way == 'inverse' else voltage_after(operator, np.array(plays), edge_um)
+        value = float(edge) + rounding * math.ulp(edge)
+        without = hysteresis_state(plays)
+        output = step(kept, constants, value)
+        assert output == step(without, constants, value)
+        assert plays_of(kept, constants) == plays_of(without, constants)
 
 
 @either_way
