@@ -33,7 +33,9 @@ _YIELD_S = 0.02  # how long an empty loop only yields before it sleeps
 _SHORT_SLEEP_S = 0.001
 _LONGEST_SLEEP_S = 0.01
 _SHARE_SLEPT = 0.2  # of the time without input at once, by whom nobody waits for
-_ACKNOWLEDGE_S = 5.0  # how long the readers, of which one may be dead, have for the last messages
+# How long the readers, of which one may be dead, have for the last messages; a launch file gives a
+# process 5 s to end after Ctrl-C.
+_ACKNOWLEDGE_S = 4.0
 _DISCOVER_S = 1.0  # how long a supervisor has to discover a process that it ends so soon
 _CLOSE_S = 1.0  # how long a service that is being answered may take to its end
 _LEAVE_S = 4.0  # how long the middleware may take to let the process go

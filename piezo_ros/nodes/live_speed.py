@@ -23,10 +23,11 @@ __all__ = ['LIVE', 'LIVE_RATIOS']
 
 _COMPOSED_PERIODS: Final = 600.0
 _SEPARATE_PERIODS: Final = 150.0
-_BLOCK_PERIODS: Final = 15_000.0
+_BLOCK_PERIODS: Final = 20_000.0
 _BLOCK_SAMPLES: Final = 1000
-_BLOCK_ROUNDS: Final = 5000
-_BLOCKS_IN_FLIGHT: Final = 40
+_BLOCK_ROUNDS: Final = 10_000
+# So many that neither waits for messages to come round: with twice as many, a tenth at most is won.
+_BLOCKS_IN_FLIGHT: Final = 80
 # The demand leads by half of that to all of it: three quarters on the average.
 _LOOKAHEAD_SAMPLES: Final = _BLOCKS_IN_FLIGHT * _BLOCK_SAMPLES * 4 // 3
 _SHORT_PERIODS: Final = 1.0
