@@ -262,7 +262,7 @@ def multisine(
 
 def _low_crest(
     period: int, line: NDArray[np.int64], magnitude: NDArray[np.float64],
-    generator: np.random.Generator,
+    generator: 'np.random.Generator',  # whose import most nodes need not pay for
 ) -> NDArray[np.float64]:
     """Return one period whose spectrum has the wanted magnitudes and whose peak is low."""
     power = np.cumsum(magnitude**2) / np.sum(magnitude**2)

@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
 
@@ -131,11 +132,21 @@ class Controller(Stage):
     def _make_relay(self) -> 'Relay':
         from piezo_ros.bag.relay_kernels import relay_controller
         from piezo_ros.nodes.relay import Relay
-        return Relay(self, self._displacement, self._command, relay_controller, self._poll_other)
+        relay = Relay(self, self._displacement, self._command, relay_controller, self._poll_other)
+        self._bind(relay, np.empty(0), np.empty(0))  # loaded before the first sample
+        return relay
+
+    def _bind(
+        self, relay: 'Relay', reference_um: NDArray[np.float64],
+        feedforward_um: NDArray[np.float64],
+    ) -> None:
+        assert self._packed is not None
+        relay.bind(
+            self._packed.packed, self._first, self._command.next_index, reference_um,
+            feedforward_um)
 
     def _lend(self, relay: 'Relay') -> None:
         """Let the relay go on as far as there are targets; what it has used is dropped later."""
-        assert self._packed is not None
         count = min(len(self._reference.queue), (self._flow.lookahead_samples + 1) // 2)
         if self._feeds_forward:
             count = min(count, len(self._feedforward.queue))
@@ -147,7 +158,7 @@ class Controller(Stage):
         feedforward_um = (
             self._feedforward.queue.head(count) if self._feeds_forward else np.zeros(count))
         self._lent_at = self._command.next_index
-        relay.bind(self._packed.packed, self._first, self._lent_at, reference_um, feedforward_um)
+        self._bind(relay, reference_um, feedforward_um)
         self.quick = relay.look
 
     def _take_back(self) -> None:

@@ -25,6 +25,7 @@ __all__ = ['Footprint', 'footprint', 'service_latency_ms', 'start_beside_peers_s
 _PATIENCE_S: Final = 60.0
 _IDLE_S: Final = 3.0
 _SETTLE_S: Final = 1.0
+_GIVEN_BACK_S: Final = 2.0  # after which a run has let go of what was there for the start alone
 _CALLS: Final = 100
 _CALL_PATIENCE_S: Final = 5.0
 _PERCENTILES: Final = 20  # the last of them is the 95th
@@ -133,6 +134,7 @@ def footprint(planned: PlannedRun) -> Footprint:
         start_s = time.perf_counter() - start
         graph.wait(
             lambda: all(state == 'finished' for state in graph.states.values()), 'the end')
+        time.sleep(_GIVEN_BACK_S)
         pids = graph.processes.pids()
         before = {pid: _processor_s(pid) for pid in pids}
         begin = time.perf_counter()

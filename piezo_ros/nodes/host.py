@@ -1,6 +1,7 @@
 """The process around one or several stages: signals, executor thread, stream loop, exit code."""
 
 import gc
+import math
 import os
 import signal
 import sys
@@ -19,12 +20,14 @@ from rclpy.signals import SignalHandlerOptions
 from piezo_ros.nodes.bursts import NAP_S
 from piezo_ros.nodes.executables import PARENT_VARIABLE
 from piezo_ros.nodes.leaving import exit_after
+from piezo_ros.nodes.library_pages import give_back_code
 from piezo_ros.nodes.middleware import set_middleware_defaults
 from piezo_ros.nodes.stage import Stage
 
 __all__ = ['host']
 
 _HOUSEKEEPING_S = 0.05
+_LOADED_S = 1.0  # after which a run has loaded all the code that it needs
 _TURNS = 64  # of the stages in which others wait, between two looks at all the rest
 _TURNS_ALONE = 16  # the same of one such stage alone in its process
 _LOOKS_ALONE = 64  # in each of these for a message, yielding in between
@@ -178,6 +181,7 @@ def _stream_loop(stages: Sequence[Stage], stop: _Stop) -> None:
     # Blocks without feedback are soon used up.
     least_sleep_s = _SHORT_SLEEP_S if all(stage.in_bursts for stage in others) else NAP_S
     next_housekeeping = idle_since = time.monotonic()
+    startup = _Startup()
     while not stop.signal_number:
         for stage in stages:
             stage.serve_request()
@@ -211,8 +215,25 @@ def _stream_loop(stages: Sequence[Stage], stop: _Stop) -> None:
             next_housekeeping = now + _HOUSEKEEPING_S
             for stage in stages:
                 stage.housekeeping(now)
+            startup.housekeeping(now, bool(waited_for or following))
             if _all_over(stages, now - idle_since):
                 return
+
+
+class _Startup:
+    """What is in memory for the start alone: of no use any more once the first run goes on."""
+
+    def __init__(self) -> None:
+        self._over_at_s = math.inf
+        self._is_held = True
+
+    def housekeeping(self, now_s: float, runs: bool) -> None:
+        """Give the memory back in time, once."""
+        if runs:
+            self._over_at_s = min(self._over_at_s, now_s + _LOADED_S)
+        if self._is_held and now_s >= self._over_at_s:
+            self._is_held = False
+            give_back_code()
 
 
 def _nap() -> None:

@@ -95,6 +95,12 @@ def _footprint() -> tuple[float, float, float]:
     return footprint(_planned(trajectory={'periods': _SHORT_PERIODS}))
 
 
+def _memory_compiled() -> tuple[float]:
+    stages: dict[str, dict[str, Any]] = {stage: {'compiled': True} for stage in STAGES}
+    stages['trajectory']['periods'] = _SHORT_PERIODS
+    return (footprint(_planned(**stages)).memory_mb,)
+
+
 def _start_beside_peers() -> tuple[float]:
     return (start_beside_peers_s(_planned(trajectory={'periods': _SHORT_PERIODS})),)
 
@@ -134,6 +140,7 @@ LIVE: Final = (
         'footprint',
         _lower(('start_four', 's'), ('memory_four', 'MB'), ('idle_busiest', '% of a core')),
         _footprint),
+    Measurement('footprint', _lower(('memory_four_compiled', 'MB')), _memory_compiled),
     Measurement('footprint', _lower(('start_beside_peers', 's')), _start_beside_peers),
     *(Measurement(
         'services',
