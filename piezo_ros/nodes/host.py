@@ -1,7 +1,6 @@
 """The process around one or several stages: signals, executor thread, stream loop, exit code."""
 
 import gc
-import math
 import os
 import signal
 import sys
@@ -27,7 +26,6 @@ from piezo_ros.nodes.stage import Stage
 __all__ = ['host']
 
 _HOUSEKEEPING_S = 0.05
-_LOADED_S = 1.0  # after which a run has loaded all the code that it needs
 _TURNS = 64  # of the stages in which others wait, between two looks at all the rest
 _TURNS_ALONE = 16  # the same of one such stage alone in its process
 _LOOKS_ALONE = 64  # in each of these for a message, yielding in between
@@ -125,6 +123,7 @@ def _serve(make_stages: Callable[[], Sequence[Stage]], stop: _Stop) -> int:
     try:
         started = _bring_up(stages, stop)
         if started:
+            give_back_code()  # before the first sample, for it takes as long as many of them
             _stream_loop(stages, stop)
         cut_short = False
         for stage in stages:
@@ -181,7 +180,7 @@ def _stream_loop(stages: Sequence[Stage], stop: _Stop) -> None:
     # Blocks without feedback are soon used up.
     least_sleep_s = _SHORT_SLEEP_S if all(stage.in_bursts for stage in others) else NAP_S
     next_housekeeping = idle_since = time.monotonic()
-    startup = _Startup()
+    is_tidy = False
     while not stop.signal_number:
         for stage in stages:
             stage.serve_request()
@@ -209,31 +208,17 @@ def _stream_loop(stages: Sequence[Stage], stop: _Stop) -> None:
             # Who has been asked for nothing for so long has time, and others need the processor.
             time.sleep(min(max(least_sleep_s, _SHARE_SLEPT * idle_s), _LONGEST_SLEEP_S))
         else:
+            if not is_tidy and any(stage.over for stage in stages):
+                is_tidy = True
+                give_back_code()  # of what was loaded for the first run and in it
             stop.wake.wait(_HOUSEKEEPING_S)
             stop.wake.clear()
         if now >= next_housekeeping:
             next_housekeeping = now + _HOUSEKEEPING_S
             for stage in stages:
                 stage.housekeeping(now)
-            startup.housekeeping(now, bool(waited_for or following))
             if _all_over(stages, now - idle_since):
                 return
-
-
-class _Startup:
-    """What is in memory for the start alone: of no use any more once the first run goes on."""
-
-    def __init__(self) -> None:
-        self._over_at_s = math.inf
-        self._is_held = True
-
-    def housekeeping(self, now_s: float, runs: bool) -> None:
-        """Give the memory back in time, once."""
-        if runs:
-            self._over_at_s = min(self._over_at_s, now_s + _LOADED_S)
-        if self._is_held and now_s >= self._over_at_s:
-            self._is_held = False
-            give_back_code()
 
 
 def _nap() -> None:

@@ -1,12 +1,17 @@
 """Gives memory back that holds code which was only needed to start."""
 
 import ctypes
+import re
 from pathlib import Path
 from typing import Final
 
 __all__ = ['give_back_code']
 
 _MAPS: Final = Path('/proc/self/smaps')
+# Bounds of what is mapped from a file to be read, and in which nothing was written, as relocation
+# does: all of it is in the file.
+_whole_in_file: Final = re.compile(
+    rb'^(\w+)-(\w+) r-\S+ .* /.*\n(?:[A-Z].*\n)*?Anonymous: +0 kB$', re.MULTILINE).findall
 _MADV_DONTNEED: Final = 4  # of <sys/mman.h>
 
 
@@ -24,20 +29,14 @@ def give_back_code() -> int:
 
     """
     try:
-        lines = _MAPS.read_text(encoding='utf-8').splitlines()
+        mappings = _MAPS.read_bytes()
     except OSError:
         return 0
     advise = ctypes.CDLL(None).madvise
     advise.argtypes = [ctypes.c_void_p, ctypes.c_size_t, ctypes.c_int]
-    given = start = end = 0
-    for line in lines:
-        first, *others = line.split()
-        if not first.endswith(':'):
-            access, path = others[0], others[-1]
-            ours = access.startswith('r') and 'w' not in access and path.startswith('/')
-            start, end = (int(bound, 16) for bound in first.split('-')) if ours else (0, 0)
-        elif first == 'Anonymous:' and end and int(others[0]) == 0:
-            # Nothing was written there, as relocation does: all of it is in the file.
-            if advise(start, end - start, _MADV_DONTNEED) == 0:
-                given += end - start
+    given = 0
+    for bounds in _whole_in_file(mappings):
+        start, end = (int(bound, 16) for bound in bounds)
+        if advise(start, end - start, _MADV_DONTNEED) == 0:
+            given += end - start
     return given

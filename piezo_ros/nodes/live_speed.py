@@ -23,9 +23,9 @@ __all__ = ['LIVE', 'LIVE_RATIOS']
 
 _COMPOSED_PERIODS: Final = 600.0
 _SEPARATE_PERIODS: Final = 150.0
-_BLOCK_PERIODS: Final = 20_000.0
+_BLOCK_PERIODS: Final = 60_000.0
 _BLOCK_SAMPLES: Final = 1000
-_BLOCK_ROUNDS: Final = 10_000
+_BLOCK_ROUNDS: Final = 40_000
 # So many that neither waits for messages to come round: with twice as many, a tenth at most is won.
 _BLOCKS_IN_FLIGHT: Final = 80
 # The demand leads by half of that to all of it: three quarters on the average.
