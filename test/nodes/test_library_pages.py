@@ -4,7 +4,6 @@ import subprocess
 import sys
 
 PROGRAM = """
-import sys
 import numpy as np
 from scipy.linalg import expm
 from piezo_ros.nodes.library_pages import give_back_code
