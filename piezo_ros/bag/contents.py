@@ -1,8 +1,23 @@
+# Copyright 2026 piezo_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What the files of a bag hold: streams by namespace, metadata, parameters, damage."""
 
 from collections.abc import Callable, Collection
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final, Generic, NamedTuple, TypeVar
+from typing import Any, Final, Generic, TypeVar
 
 import yaml
 from mcap.records import Attachment, Channel, Metadata, Schema
@@ -23,7 +38,9 @@ _Sink = TypeVar('_Sink', bound=Sink)
 Span = dict[tuple[str, str], tuple[int, int]]
 
 
-class Facts(NamedTuple, Generic[_Sink]):
+# No NamedTuple: Python 3.10 has none that is generic.
+@dataclass(frozen=True)
+class Facts(Generic[_Sink]):
     """
     A bag that was looked through from end to end, apart from its samples.
 

@@ -1,3 +1,17 @@
+# Copyright 2026 piezo_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """
 Writing of a rosbag2 directory: one MCAP file and the ``metadata.yaml`` of version 9.
 
@@ -26,7 +40,7 @@ COMPRESSIONS: Final = {
 }
 _CHUNK_BYTES: Final = 1 << 20
 _MAXIMUM_TIME_NS: Final = 2**63 - 1  # rosbag2 holds times as signed 64-bit integers
-_ROS_DISTRO: Final = 'kilted'
+_UNKNOWN_DISTRIBUTION: Final = 'unknown'  # where no ROS is sourced
 
 
 class Topic(NamedTuple):
@@ -247,7 +261,7 @@ class BagDirectory:
                 'message_count': messages,
             }],
             'custom_data': self._custom_data,
-            'ros_distro': _ROS_DISTRO,
+            'ros_distro': os.environ.get('ROS_DISTRO') or _UNKNOWN_DISTRIBUTION,
         }
 
 

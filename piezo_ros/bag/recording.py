@@ -1,3 +1,17 @@
+# Copyright 2026 piezo_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """A bag that stays on the disk: looked through once, then read piece by piece as it is needed."""
 
 from collections.abc import Collection, Iterator, Mapping
@@ -102,7 +116,7 @@ class Recording:
 
     def described(self, metadata: Mapping[str, str]) -> 'Recording':
         """Return the same recording with other metadata: for bags that say nothing."""
-        return replace(self, facts=self.facts._replace(metadata=dict(metadata)))
+        return replace(self, facts=replace(self.facts, metadata=dict(metadata)))
 
     def part(
         self, start: int, stop: int, *, every: int = 1, streams: Collection[str] | None = None,

@@ -1,3 +1,17 @@
+# Copyright 2026 piezo_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The process around one or several stages: signals, executor thread, stream loop, exit code."""
 
 import gc
@@ -17,6 +31,7 @@ from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.signals import SignalHandlerOptions
 
 from piezo_ros.nodes.bursts import NAP_S
+from piezo_ros.nodes.distribution import make_events_executor
 from piezo_ros.nodes.executables import PARENT_VARIABLE
 from piezo_ros.nodes.leaving import exit_after
 from piezo_ros.nodes.library_pages import give_back_code
@@ -98,8 +113,7 @@ def host(make_stages: Callable[[], Sequence[Stage]], arguments: list[str] | None
 
 
 def _serve(make_stages: Callable[[], Sequence[Stage]], stop: _Stop) -> int:
-    from rclpy.experimental import EventsExecutor
-    executor = EventsExecutor()
+    executor = make_events_executor()
     try:
         stages = list(make_stages())
     except ParameterException as error:

@@ -1,3 +1,17 @@
+# Copyright 2026 piezo_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Declares parameter sets as ROS parameters and reads them back, refusing what they refuse."""
 
 import dataclasses
@@ -46,7 +60,7 @@ def declare(
                     field.name, list(default) if isinstance(default, tuple) else default,
                     _descriptor(field))
 
-    def check(changes: list[Parameter[Any]]) -> SetParametersResult:
+    def check(changes: list[Parameter]) -> SetParametersResult:
         reason = _refusal(node, sets, changes) or accept({
             change.name: change.value for change in changes})
         return SetParametersResult(successful=not reason, reason=reason)
@@ -107,7 +121,7 @@ def _descriptor(field: 'dataclasses.Field[Any]') -> ParameterDescriptor:
 
 
 def _refusal(
-    node: Node, sets: tuple[type[ParameterSet], ...], changes: list[Parameter[Any]],
+    node: Node, sets: tuple[type[ParameterSet], ...], changes: list[Parameter],
 ) -> str:
     """Return why a set refuses the changes of one call, '' where none does."""
     new = {change.name: change.value for change in changes}

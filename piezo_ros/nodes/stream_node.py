@@ -1,3 +1,17 @@
+# Copyright 2026 piezo_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """
 A managed node that two threads serve: a stream loop its streams, an executor all the rest.
 
@@ -40,9 +54,9 @@ class StreamNode(LifecycleNode):
     """
 
     def __init__(self, name: str, **arguments: Any) -> None:
-        self._stream_subscriptions: set[Subscription[Any]] = set()
-        self._own_subscriptions: list[Subscription[Any]] = []
-        self._own_publishers: list[Publisher[Any]] = []
+        self._stream_subscriptions: set[Subscription] = set()
+        self._own_subscriptions: list[Subscription] = []
+        self._own_publishers: list[Publisher] = []
         super().__init__(name, **arguments)
         self.wake: Callable[[], None] = lambda: None  # the stream loop, when nothing is running
         self._thread = threading.get_ident()
@@ -76,7 +90,7 @@ class StreamNode(LifecycleNode):
     def create_own_publisher(
         self, message_type: Any, topic: str, qos: QoSProfile,
         event_callbacks: PublisherEventCallbacks | None = None,
-    ) -> Publisher[Any]:
+    ) -> Publisher:
         """Create a publisher beside the streams; it goes when the node is cleaned up."""
         publisher = self.create_publisher(
             message_type, topic, event_callbacks=event_callbacks, **overridable(qos))
@@ -85,7 +99,7 @@ class StreamNode(LifecycleNode):
 
     def create_own_subscription(
         self, message_type: Any, topic: str, qos: QoSProfile,
-    ) -> Subscription[Any]:
+    ) -> Subscription:
         """Create a subscription beside the streams; it goes when the node is cleaned up."""
         subscription = self.create_stream_subscription(message_type, topic, qos)
         self._own_subscriptions.append(subscription)
@@ -93,14 +107,14 @@ class StreamNode(LifecycleNode):
 
     def create_stream_subscription(
         self, message_type: Any, topic: str, qos: QoSProfile,
-    ) -> Subscription[Any]:
+    ) -> Subscription:
         """Create a subscription that the stream loop takes from, hidden from the executor."""
         subscription = self.create_subscription(
             message_type, topic, callback=_never_called, **overridable(qos))
         self._stream_subscriptions.add(subscription)
         return subscription
 
-    def destroy_stream_subscription(self, subscription: Subscription[Any]) -> None:
+    def destroy_stream_subscription(self, subscription: Subscription) -> None:
         """Destroy what `create_stream_subscription` has returned."""
         self._stream_subscriptions.discard(subscription)
         self.destroy_subscription(subscription)
@@ -114,7 +128,7 @@ class StreamNode(LifecycleNode):
         self._own_subscriptions, self._own_publishers = [], []
 
     @property
-    def subscriptions(self) -> Iterator[Subscription[Any]]:
+    def subscriptions(self) -> Iterator[Subscription]:
         """The subscriptions that an executor shall serve: not those of the streams."""
         for subscription in super().subscriptions:
             if subscription not in self._stream_subscriptions:

@@ -1,3 +1,17 @@
+# Copyright 2026 piezo_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 import json
 import os
 import subprocess
@@ -124,7 +138,7 @@ def test_metadata_yaml_has_every_key_of_version_9(tmp_path, write_run):
             'message_count': 106,
         }],
         'custom_data': {'scheme': 'fb', 'format_version': '1'},
-        'ros_distro': 'kilted',
+        'ros_distro': 'a_distribution',
     }
     assert '&' not in text  # no YAML anchors
     assert {file.name for file in (tmp_path / 'bag').iterdir()} == {'bag_0.mcap', 'metadata.yaml'}
