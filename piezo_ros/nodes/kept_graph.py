@@ -23,7 +23,7 @@ import json
 import math
 import signal
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -37,7 +37,6 @@ from std_msgs.msg import String
 from piezo_ros.experiment.campaign import RunResult
 from piezo_ros.experiment.errors import CampaignError
 from piezo_ros.experiment.plan import PlannedRun
-from piezo_ros.nodes.demand import NO_MORE
 from piezo_ros.nodes.process_group import POLL_S, ProcessGroup
 from piezo_ros.nodes.rescue import rescue
 from piezo_ros.nodes.run_parameters import run_parameters
@@ -148,14 +147,18 @@ class KeptGraph(Supervisor):
             # The voltage at its end is worth waiting for.
             self._spin_until(
                 lambda: self._state_of('plant') != 'active', timeout_s=_LAST_STATUS_S)
-            reasons = {node: self._statuses[node]['reason'] for node in cut_short()}
-            raise CampaignError('; '.join(
-                f'{node}: {reason}' for node, reason in reasons.items() if reason != NO_MORE))
+            raise CampaignError('; '.join(self._reasons(cut_short())))
         plant = dict(self._statuses['plant'])
         for transition in (Transition.TRANSITION_DEACTIVATE, Transition.TRANSITION_CLEANUP):
             for node in nodes:
                 self._change_state(node, transition)
         return RunResult(float(plant['elapsed_s']))
+
+    def _reasons(self, nodes: Sequence[str]) -> list[str]:
+        """Return why runs were cut short; of who only followed a peer, if that says nothing."""
+        statuses = [self._statuses[node] for node in nodes]
+        own = [status for status in statuses if not status['by_peer']]
+        return [f'{status["node"]}: {status["reason"]}' for status in own or statuses]
 
     def _state_of(self, node: str) -> str:
         return str(self._statuses.get(node, {}).get('state', ''))

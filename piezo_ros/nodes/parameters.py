@@ -28,6 +28,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from piezo_ros.model.parameters import CHANGES, ParameterError, ParameterSet, constraint_of
+from piezo_ros.nodes.guard import explain
 
 __all__ = ['declare', 'fixed_during_run', 'plain', 'read']
 
@@ -61,8 +62,11 @@ def declare(
                     _descriptor(field))
 
     def check(changes: list[Parameter]) -> SetParametersResult:
-        reason = _refusal(node, sets, changes) or accept({
-            change.name: change.value for change in changes})
+        try:
+            reason = _refusal(node, sets, changes) or accept({
+                change.name: change.value for change in changes})
+        except Exception as error:  # Nobody above catches it.
+            reason = explain(error)
         return SetParametersResult(successful=not reason, reason=reason)
 
     node.add_on_set_parameters_callback(check)

@@ -68,7 +68,7 @@ class Trajectory(Stage):
             if not self._demand.take():
                 return False
             if self._demand.ended:
-                self.stop(NO_MORE)
+                self.stop(NO_MORE, by_peer=True)
                 return True
             self._limit = min(self._demand.limit, self._samples)
         count = min(self._limit - self._index, self._block_samples * BURST_BLOCKS)
