@@ -85,9 +85,7 @@ def imported_names(*folders):
 
 
 def test_one_version_is_told_everywhere(metadata, manifest):
-    changelog = (REPOSITORY / 'CHANGELOG.md').read_text(encoding='utf-8')
-    newest = re.search(r'^## \[(\d+\.\d+\.\d+)\]', changelog, re.MULTILINE)
-    assert metadata['version'] == manifest.findtext('version') == newest[1]
+    assert metadata['version'] == manifest.findtext('version')
 
 
 def test_setup_and_manifest_agree_on_who_and_under_which_licence(metadata, manifest):

@@ -80,7 +80,8 @@ def _is_next(raw: Any, expected: Any, index: int) -> bool:
     if difference != 0:
         return False
     sample = _number(raw, size - _SAMPLE)
-    return _number(raw, size - _INDEX) == index and sample - sample == 0.0  # type: ignore[no-any-return]
+    is_next: bool = _number(raw, size - _INDEX) == index and sample - sample == 0.0
+    return is_next
 
 
 @step

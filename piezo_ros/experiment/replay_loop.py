@@ -87,6 +87,7 @@ def _loop(
     compensator_constants: Any, rig_state: Any, rig_constants: Any, noise: NDArray[np.float64],
     run: Any, start: int, stop: int,
 ) -> None:
+    """Close the loop from one sample to another, over what the arrays of a run hold before it."""
     if start == 0:
         run.displacement_um[0] = _measure_step(
             rig_constants, rig_state.displacement_um[0], noise[0])

@@ -134,9 +134,9 @@ def dynamics_section(results: PaperResults) -> Section:
                     [*(_curve((r,), 'µm') for r in grid),
                      ResponseCurve('fit of (6)', model_hz, published.sampled_response(model_hz),
                                    style='line'),
-                     ResponseCurve('Table 2', model_hz,
-                                   LinearDynamics().sampled_response(
-                         model_hz, published.sample_period_s), style='line')],
+                     ResponseCurve(
+                         'Table 2', model_hz, LinearDynamics().sampled_response(
+                             model_hz, published.sample_period_s), style='line')],
                     title='Compensated actuator', unit='µm/µm')),
         Paragraph(
             'Both models are sampled behind the zero-order hold, as the record is. Identified from '

@@ -60,9 +60,9 @@ def study_summary(results: PaperResults) -> str:
          f'{ours.verdicts} of {ours.conditions}'),
         f'Table 4 re-identified    median error {ratio:.2f} of the published (m = 9)',
         (f'Table 4, automatic m     better than the better published in {better} of '
-        f'{ours.conditions}'),
+         f'{ours.conditions}'),
         (f'Table 3                  {bands} of {len(results.crossings)} rows within 50 Hz of the '
-        'published band'),
+         'published band'),
         (f'Fig. 5, nonlinearity     {nonlinearity_text(results.uncompensated)} -> '
          f'{nonlinearity_text(results.compensated)} (published inverse), '
          f'{nonlinearity_text(results.compensated_identified)} (identified)'),
@@ -134,18 +134,18 @@ def _deviations(results: PaperResults) -> Section:
     return Section('deviations', 'As built against as published', [
         Paragraph(text) for text in (
             ('The rig is simulated. Its mismatches to the published models are free parameters, '
-            "fitted to three rows of Table 4 and named in config/rig.yaml; what the paper's own "
-            'mismatches were is not known. Controller, compensator and feedforward are the '
-            'published ones.'),
+             "fitted to three rows of Table 4 and named in config/rig.yaml; what the paper's own "
+             'mismatches were is not known. Controller, compensator and feedforward are the '
+             'published ones.'),
             (f'Table 4 deviates by {ours.median_deviation:.1%} in the median. The other scheme '
              f'wins in {ours.conditions - ours.verdicts} of {ours.conditions} conditions: '
              f'{other}.' if other else
              f'Table 4 deviates by {ours.median_deviation:.1%} in the median.'),
             ('The amplifier stands before the hysteresis, as in a real rig; the paper lumps it '
-            "with the mechanics. A slew limit stands for the amplifier's current limit; it makes "
-            'the errors grow at large amplitude and frequency.'),
+             "with the mechanics. A slew limit stands for the amplifier's current limit; it makes "
+             'the errors grow at large amplitude and frequency.'),
             ('The controller forms its error with a measurement one sample old. Without that '
-            'Table 4 cannot be met.'),
+             'Table 4 cannot be met.'),
             ('Creep is switched on for Fig. 6 alone. Behind the published inverse a 1 Hz loop with '
              f'it has a nonlinearity of {nonlinearity_text(creeping)}, where the paper has '
              f'{paper.COMPENSATED_NONLINEARITY_PERCENT["input"]:g} / '
@@ -157,4 +157,4 @@ def _deviations(results: PaperResults) -> Section:
              're-identified; the published feedforward inverts the continuous G of Table 2, as '
              'printed.'),
             ('The integral is preset so that the first command continues the rest position. That '
-            'changes the transient alone, which is over before the scored periods.'))])
+             'changes the transient alone, which is over before the scored periods.'))])

@@ -136,6 +136,7 @@ class KeptGraph(Supervisor):
         for transition in (Transition.TRANSITION_CONFIGURE, Transition.TRANSITION_ACTIVATE):
             for node in nodes:
                 self._change_state(node, transition)
+
         def finished(node: str) -> bool:
             return self._state_of(node) == 'finished'
 

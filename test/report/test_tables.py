@@ -89,8 +89,8 @@ def test_series_are_named_by_what_tells_them_apart(scored_runs):
     assert series_label(again, [ff, again]) == 'FF, m = 9, bags/again'
 
 
-@pytest.mark.parametrize(('ff_percent', 'fbff_percent', 'same_winner'), [(2.31, 1.22, 1),
-                                                                          (2.31, 2.44, 0)])
+@pytest.mark.parametrize(
+    ('ff_percent', 'fbff_percent', 'same_winner'), [(2.31, 1.22, 1), (2.31, 2.44, 0)])
 def test_agreement_counts_published_numbers_and_winners(
         scored_runs, ff_percent, fbff_percent, same_winner):
     fb, ff, fbff, sine = scored_runs
