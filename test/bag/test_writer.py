@@ -94,7 +94,8 @@ def test_mcap_ros2_sees_every_sample_of_every_stream(tmp_path, write_run, compre
         np.testing.assert_array_equal(seen[stream], values)
 
 
-def test_metadata_yaml_has_every_key_of_version_9(tmp_path, write_run):
+def test_metadata_yaml_has_every_key_of_version_9(tmp_path, write_run, monkeypatch):
+    monkeypatch.setenv('ROS_DISTRO', 'a_distribution')
     write_run(tmp_path / 'bag', 20, metadata={'scheme': 'fb'})
     text = (tmp_path / 'bag' / 'metadata.yaml').read_text()
     information = yaml.safe_load(text)['rosbag2_bagfile_information']
