@@ -142,8 +142,10 @@ class _Survey:
                 self._own.update(metadata.metadata)
             elif metadata.name != _ROSBAG2_RECORD and metadata not in self.metadata:
                 self.metadata.append(metadata)
-        self.attachments += [
-            attachment for attachment in file.attachments if attachment not in self.attachments]
+        for attachment in file.attachments:
+            # Once, where it came last: later ones override.
+            self.attachments = [other for other in self.attachments if other != attachment]
+            self.attachments.append(attachment)
 
     def _announce(self, file: McapFile, name: str) -> bool:
         """Note a topic; False if its channel or its type did not survive."""
