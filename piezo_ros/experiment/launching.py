@@ -277,7 +277,10 @@ def _parameters(
         in_file = {}
         if node in _FILES:
             in_file = read_parameter_file(_file(node, values), [node]).get(node, {})
-        check_node_parameters(node, {**in_file, **own})
+        complete = check_node_parameters(node, {**in_file, **own})
+        # As they are declared, 3 periods as 3.0: of two values for one parameter ROS takes the
+        # integer, also where the other is that of a SetParameter.
+        own.update((name, complete[name]) for name in own)
     return parameters
 
 

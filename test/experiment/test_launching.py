@@ -97,6 +97,7 @@ def test_a_scan_sets_its_parameters_behind_the_files_and_each_node_gets_its_own(
     assert parameters(controller)['scheme'] == 'ff'
     assert parameters(trajectory)['amplitude_um'] == '2.5'
     assert 'amplitude_um' not in parameters(controller)
+    assert parameters(processes('scan.launch.py', periods='3')['trajectory'])['periods'] == '3.0'
     # A number without a point is text in a parameter override.
     assert {parameters(words)['sample_period_s'] for words in started.values()} == {'2.0e-05'}
     assert controller.index('--params-file') < controller.index('-p')

@@ -255,7 +255,7 @@ def test_what_is_not_given_is_by_default_in_a_group_and_nothing_of_ours_is_left_
     launch = launched(
         "GroupAction([include('scan', namespace='one', periods='3', sample_period_s='2e-5')]), "
         f"GroupAction([include('scan', namespace='two')]), LogInfo(msg=[{told}])")
-    for rig, periods, period_s in ('_one', '3', '2.0e-05'), ('_two', '15.0', '1.0e-05'):
+    for rig, periods, period_s in ('_one', '3.0', '2.0e-05'), ('_two', '15.0', '1.0e-05'):
         words = launch.words(rig, 'trajectory')
         assert f'periods:={periods}' in words
         assert f'sample_period_s:={period_s}' in words
