@@ -35,6 +35,7 @@ from piezo_ros.experiment.plan import PlannedRun
 from piezo_ros.nodes.process_group import POLL_S, ProcessGroup
 from piezo_ros.nodes.rescue import rescue
 from piezo_ros.nodes.run_parameters import run_parameters
+from piezo_ros.nodes.running_time import RunningTime
 from piezo_ros.nodes.supervisor import Supervisor, stopped_by
 
 __all__ = ['GraphRunner']
@@ -178,7 +179,7 @@ class _LiveRun:
         self.planned = planned
         self.statuses: dict[str, dict[str, Any]] = {}
         self.processes = ProcessGroup()
-        self._recorded_s = 0.0
+        self._recorded: RunningTime | None = None  # since all is recorded
         self._stopped_early: dict[str, str] = {}
         self._faults_before_stop: list[str] = []
 
@@ -193,8 +194,8 @@ class _LiveRun:
         if not recorded:
             return False
         # The last statuses may be on their way, or their writers not discovered yet.
-        self._recorded_s = self._recorded_s or time.monotonic()
-        return time.monotonic() - self._recorded_s > _LAST_STATUS_S
+        self._recorded = self._recorded or RunningTime()
+        return self._recorded.elapsed_s() > _LAST_STATUS_S
 
     @property
     def wall_seconds(self) -> float:

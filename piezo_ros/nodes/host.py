@@ -89,7 +89,7 @@ class _Stop:
             raise _StartInterrupted
 
 
-def host(make_stages: Callable[[], Sequence[Stage]], arguments: list[str] | None = None) -> int:
+def host(make_stages: Callable[[], Sequence[Stage]]) -> int:
     """
     Run stages until their runs are over or the process is asked to end.
 
@@ -97,8 +97,6 @@ def host(make_stages: Callable[[], Sequence[Stage]], arguments: list[str] | None
     ----------
     make_stages : callable
         Makes the stages once rclpy is there, in the order of bring-up (readers first).
-    arguments : list of str, optional
-        Command line, ``sys.argv`` by default.
 
     Returns
     -------
@@ -114,9 +112,7 @@ def host(make_stages: Callable[[], Sequence[Stage]], arguments: list[str] | None
     # Of a client that this process has not discovered yet; it hears nothing and asks again.
     warnings.filterwarnings('ignore', 'failed to send response', RuntimeWarning)
     try:
-        rclpy.init(
-            args=sys.argv if arguments is None else arguments,
-            signal_handler_options=SignalHandlerOptions.NO)
+        rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
     except RuntimeError as error:
         # No such parameter file, or arguments that ROS does not understand.
         print(error, file=sys.stderr)
@@ -134,8 +130,8 @@ def _serve(make_stages: Callable[[], Sequence[Stage]], stop: _Stop) -> int:
     executor = make_events_executor()
     try:
         stages = list(make_stages())
-    except ParameterException as error:
-        # Names the parameter, its value and the range.
+    except (ParameterException, ValueError) as error:
+        # Names the parameter, its value and the range, or the file.
         print(error, file=sys.stderr)
         return 1
     stop.stages = stages
@@ -352,7 +348,7 @@ def _turns(
 
 
 def _place_in_flow(stage: Stage) -> int:
-    return _FLOW.index(stage.get_name()) if stage.get_name() in _FLOW else len(_FLOW)
+    return _FLOW.index(stage.role) if stage.role in _FLOW else len(_FLOW)
 
 
 def _all_over(stages: Sequence[Stage], idle_s: float) -> bool:

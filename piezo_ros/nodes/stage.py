@@ -21,6 +21,7 @@ by an executor in another thread, see `piezo_ros.nodes.stream_node`.
 
 import json
 import os
+import sys
 import time
 import traceback
 from collections.abc import Callable, Iterator, Mapping
@@ -32,12 +33,17 @@ from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
 from std_msgs.msg import String
 
-from piezo_ros.experiment.node_parameters import NODE_PARAMETERS, StageParameters
+from piezo_ros.experiment.node_parameters import (
+    NODE_PARAMETERS,
+    StageParameters,
+    parameter_names,
+)
 from piezo_ros.nodes.guard import explain, guarded
 from piezo_ros.nodes.handshake import await_peers
 from piezo_ros.nodes.observation import Diagnostics, Monitor
 from piezo_ros.nodes.parameters import declare, fixed_during_run, plain, read
 from piezo_ros.nodes.qos import LATCHED
+from piezo_ros.nodes.role_parameters import parameter_files, role_parameters
 from piezo_ros.nodes.running_time import RunningTime
 from piezo_ros.nodes.stream_node import ServiceRefusedError, StreamNode
 from piezo_ros.nodes.streams import StreamFault, StreamReader, StreamWriter
@@ -57,7 +63,7 @@ class Stage(StreamNode):
     Parameters
     ----------
     name : str
-        Node name, one of `NODE_PARAMETERS`.
+        Role, one of `NODE_PARAMETERS`, and name of the node unless it is given another.
     compiled : bool
         What the parameter of that name is where the user does not set it.
 
@@ -76,12 +82,14 @@ class Stage(StreamNode):
     troubles: tuple[str, ...] = ('refused_messages', 'gaps')
 
     def __init__(self, name: str, *, compiled: bool = False) -> None:
-        super().__init__(
-            name, parameter_overrides=[Parameter('compiled', value=True)] if compiled else [])
+        super().__init__(name)
+        self.role = name
         self._fixed = fixed_during_run(*NODE_PARAMETERS[name])
         self.is_configured = False
         self._reread = False  # parameters have changed since they were read
-        declare(self, *NODE_PARAMETERS[name], accept=self._accept_changes)
+        declare(
+            self, *NODE_PARAMETERS[name], accept=self._accept_changes,
+            defaults={**({'compiled': True} if compiled else {}), **self._of_role()})
         self.add_post_set_parameters_callback(guarded(self, self._after_changes))
         self.starts_itself = bool(self.get_parameter('autostart').value)
         self.running = False
@@ -111,6 +119,14 @@ class Stage(StreamNode):
         self._diagnostics = Diagnostics(self)
         self.create_trigger('reset', self.reset)
         self.create_trigger('stop', self._stop_by_service)
+
+    def _of_role(self) -> dict[str, Any]:
+        """Return what parameter files say of the role, where ROS finds only the other name."""
+        if self.get_name() == self.role:
+            return {}
+        values = role_parameters(self.role, self.get_namespace(), parameter_files(sys.argv))
+        names = parameter_names(self.role)
+        return {name: value for name, value in values.items() if name in names}
 
     # -- what a stage defines ---------------------------------------------------------------------
 
@@ -432,6 +448,11 @@ class Stage(StreamNode):
             self.get_logger().error(f'run ended: {reason}')
             self._close('faulted', reason)
 
+    def note_fault(self, reason: str) -> None:
+        """Take note of what went wrong at the end of a run; the first such reason stays."""
+        self.failed, self.fault = True, self.fault or reason
+        self.get_logger().error(reason)
+
     def _tell_end(self) -> None:
         if not self.failed:
             why = f' ({self.reason})' if self.reason else ''
@@ -466,8 +487,9 @@ class Stage(StreamNode):
         try:
             self.quiesce()
         except Exception as error:  # The report of how it ended must go out all the same.
-            self.failed, self.fault = True, explain(error)
+            self.note_fault(explain(error))
             self.get_logger().error(traceback.format_exc())
+        self.reason = self.reason or self.fault
         self._monitor.rest()
         self._tell_end()
         self._report(state)
@@ -504,6 +526,7 @@ class Stage(StreamNode):
         index = max((writer.sent for writer in self.writers.values()), default=0)
         fields = {
             'node': self.get_name(),
+            'role': self.role,
             'state': activity,
             'run': self.run_number,
             'index': index,

@@ -24,9 +24,11 @@ import threading
 import traceback
 from collections import deque
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 from rclpy.event_handler import PublisherEventCallbacks
+from rclpy.exceptions import ParameterException
 from rclpy.lifecycle import LifecycleNode
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
@@ -34,8 +36,8 @@ from rclpy.service import Service
 from rclpy.subscription import Subscription
 from std_srvs.srv import Trigger
 
-from piezo_ros.nodes.guard import guard_services
-from piezo_ros.nodes.qos import overridable
+from piezo_ros.nodes.guard import explain, guard_services
+from piezo_ros.nodes.qos import OVERRIDES, overridable
 from piezo_ros.nodes.transitions import TransitionServer
 
 __all__ = ['ServiceRefusedError', 'StreamNode']
@@ -110,10 +112,18 @@ class StreamNode(LifecycleNode):
         event_callbacks: PublisherEventCallbacks | None = None,
     ) -> Publisher:
         """Create a publisher beside the streams; it goes when the node is cleaned up."""
-        publisher = self.create_publisher(
-            message_type, topic, event_callbacks=event_callbacks, **overridable(qos))
+        publisher = self.create_stream_publisher(message_type, topic, qos, event_callbacks)
         self.own_publishers.append(publisher)
         return publisher
+
+    def create_stream_publisher(
+        self, message_type: Any, topic: str, qos: QoSProfile,
+        event_callbacks: PublisherEventCallbacks | None = None,
+    ) -> Publisher:
+        """Create a publisher; raises ValueError where its QoS is overridden by nonsense."""
+        with self._creating(topic):
+            return self.create_publisher(
+                message_type, topic, event_callbacks=event_callbacks, **overridable(qos))
 
     def create_own_subscription(
         self, message_type: Any, topic: str, qos: QoSProfile,
@@ -126,11 +136,33 @@ class StreamNode(LifecycleNode):
     def create_stream_subscription(
         self, message_type: Any, topic: str, qos: QoSProfile,
     ) -> Subscription:
-        """Create a subscription that the stream loop takes from, hidden from the executor."""
-        subscription = self.create_subscription(
-            message_type, topic, callback=_never_called, **overridable(qos))
+        """
+        Create a subscription that the stream loop takes from, hidden from the executor.
+
+        Raises
+        ------
+        ValueError
+            If its QoS is overridden by nonsense.
+
+        """
+        with self._creating(topic):
+            subscription = self.create_subscription(
+                message_type, topic, callback=_never_called, **overridable(qos))
         self._stream_subscriptions.add(subscription)
         return subscription
+
+    @contextmanager
+    def _creating(self, topic: str) -> Iterator[None]:
+        """Tell what rclpy has against an endpoint, with what was overridden."""
+        try:
+            yield
+        except (ParameterException, RuntimeError, TypeError, ValueError) as error:
+            name = f'qos_overrides.{self.resolve_topic_name(topic)}.'
+            given = ', '.join(
+                f'{key} = {parameter.value!r}'
+                for key, parameter in self._parameter_overrides.items() if key.startswith(name))
+            hint = f' ({given}; {OVERRIDES})' if given else ''
+            raise ValueError(f'{topic} cannot be created: {explain(error)}{hint}') from None
 
     def destroy_stream_subscription(self, subscription: Subscription) -> None:
         """Destroy what `create_stream_subscription` has returned."""

@@ -43,6 +43,7 @@ from piezo_ros.bag.block import (
 from piezo_ros.nodes.outlet import Outlet
 from piezo_ros.nodes.qos import STREAM
 from piezo_ros.nodes.run_fence import RunFence
+from piezo_ros.nodes.running_time import RunningTime
 from piezo_ros.nodes.sample_queue import SampleQueue
 from piezo_ros.nodes.stream_copy import StreamCopy
 
@@ -242,7 +243,7 @@ class StreamReader:
         self._first = 0
         self._any_start = False
         self._warned = 0.0
-        self._lost_at_s: float | None = None
+        self._lost: RunningTime | None = None  # since when it has had no writer
         self._received_then = 0
 
     def start(self, index: int, sample_period_s: float | None) -> None:
@@ -270,7 +271,7 @@ class StreamReader:
         self._any_start = index < 0
         self._period_s = sample_period_s
         self._fast_period_s = math.nan  # whatever comes first is looked at closely
-        self._lost_at_s = None
+        self._lost = None
 
     @property
     def example(self) -> bytes:
@@ -473,13 +474,12 @@ class StreamReader:
         writers = self.subscription.get_publisher_count()
         if writers > 1:
             raise StreamFault(f'{self.subscription.topic_name} has {writers} writers')
-        now = time.monotonic()
         if writers == 1:
-            self._lost_at_s = None
-        elif self._lost_at_s is None or self._received_then != self.received:
-            self._lost_at_s = now
+            self._lost = None
+        elif self._lost is None or self._received_then != self.received:
+            self._lost = RunningTime()
             self._received_then = self.received
-        return self._lost_at_s is None or now - self._lost_at_s <= timeout_s
+        return self._lost is None or self._lost.elapsed_s() <= timeout_s
 
     def _accept_other(self, index: int, period_s: float, samples: int) -> bool:
         """Decide on a block that is not simply the next one."""

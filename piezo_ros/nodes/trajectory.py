@@ -85,7 +85,7 @@ class Trajectory(Stage):
 
     def watch(self, now_s: float) -> None:
         """End the run when nobody is left to demand samples."""
-        self._demand.check_writer(now_s, self.settings.lost_writer_timeout_s)
+        self._demand.check_writer(self.settings.lost_writer_timeout_s)
 
     def status_fields(self) -> dict[str, Any]:
         """Return the length of the run."""
