@@ -55,7 +55,7 @@ class Topic(NamedTuple):
     definition, definition_encoding : str
         Text of the type with all types in it, and its language (``ros2msg`` or ``ros2idl``).
     type_hash : str
-        Hash of the type (RIHS01_…); empty when unknown.
+        Hash of the type (``RIHS01_…``); empty when unknown.
     qos : list of dict
         Offered quality of service, one mapping per publisher.
 

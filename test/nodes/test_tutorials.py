@@ -28,6 +28,8 @@ import pytest
 ROOT = Path(__file__).parents[2]
 TUTORIALS = sorted((ROOT / 'docs' / 'tutorials').glob('*.md'))
 PATIENCE_S = 240.0
+# What blocks need beside the plain ones: `launch`, all of ros2, colcon, access to rosdep's lists.
+KINDS = ('launch', 'stock', 'workspace', 'rosdep')
 _BLOCK = re.compile(r'^```sh ?(\w*)\n(.*?)^```$', re.MULTILINE | re.DOTALL)
 
 # What the plain blocks need of ros2, which does just this.
@@ -40,9 +42,24 @@ case "$1 $2 $3" in
 esac
 """
 
+# What the blocks of a workspace need of it: what is found is what is sourced.
+WORKSPACE_STAND_IN = """\
+#!/bin/bash
+prefix=$(IFS=:; for place in $AMENT_PREFIX_PATH; do
+    [ -e "$place/share/ament_index/resource_index/packages/piezo_ros" ] && echo "$place" && break
+done) || { echo "piezo_ros is not sourced" >&2; exit 1; }
+case "$1 $2 $3" in
+'run piezo_ros '*) executable=$3; shift 3; exec "$prefix/lib/piezo_ros/$executable" "$@";;
+'pkg executables piezo_ros') ls "$prefix/lib/piezo_ros";;
+'pkg prefix --share') echo "$prefix/share/piezo_ros";;
+'pkg prefix piezo_ros') echo "$prefix";;
+*) echo "ros2 $* is not here" >&2; exit 1;;
+esac
+"""
+
 
 def blocks(path, *kinds):
-    """Return the commands of a tutorial: of plain blocks, and of those that need more of ros2."""
+    """Return the commands of a tutorial: of plain blocks, and of those that need more."""
     return [
         commands for kind, commands in _BLOCK.findall(path.read_text(encoding='utf-8'))
         if kind in ('', *kinds)]
@@ -62,20 +79,22 @@ def shell(tmp_path):
     folder = tmp_path / 'home'
     folder.mkdir()
 
-    def run(commands, *, own_ros2=False):
+    def run(commands, *, own_ros2=False, ros2=None, options='-euo', **environment):
         if own_ros2:
             (programs / 'ros2').unlink()
+        if ros2 is not None:
+            (programs / 'ros2').write_text(ros2)
         said = tmp_path / 'said.txt'
         with said.open('w') as file:
             process = subprocess.Popen(
-                ['bash', '-euo', 'pipefail', '-c', commands], cwd=folder, stdout=file,
+                ['bash', options, 'pipefail', '-c', commands], cwd=folder, stdout=file,
                 stderr=subprocess.STDOUT, start_new_session=True,
                 env={
                     **os.environ, 'PATH': f'{programs}:{Path(sys.executable).parent}:'
                     f'{os.environ["PATH"]}',
                     'PYTHONPATH': f'{ROOT}:{os.environ.get("PYTHONPATH", "")}',
                     'docs': str(ROOT / 'docs'),
-                    'ROS_DOMAIN_ID': str(1 + (os.getpid() + 53) % 101)})
+                    'ROS_DOMAIN_ID': str(1 + (os.getpid() + 53) % 101), **environment})
         try:
             process.wait(PATIENCE_S)
         finally:
@@ -91,12 +110,12 @@ def shell(tmp_path):
 
 def test_there_are_tutorials_and_each_has_commands():
     assert {path.stem for path in TUTORIALS} == {
-        'by-hand', 'first-scan', 'your-own-controller', 'your-own-rig'}
+        'by-hand', 'colcon-workspace', 'first-scan', 'your-own-controller', 'your-own-rig'}
     for path in TUTORIALS:
-        assert len(blocks(path, 'launch', 'stock')) >= 3
+        assert len(blocks(path, *KINDS)) >= 3
         # No block may escape the tests by a kind that nobody knows.
         kinds = set(re.findall(r'^```(.+)$', path.read_text(encoding='utf-8'), re.MULTILINE))
-        assert kinds <= {'sh', 'sh launch', 'sh stock'}
+        assert kinds <= {'sh', *(f'sh {kind}' for kind in KINDS)}
 
 
 def test_the_first_scan(shell):
@@ -116,6 +135,28 @@ def test_nodes_of_ones_own(shell, name):
     assert (folder / 'my_report' / 'report.html').is_file()
     if name == 'your-own-rig':
         assert '3 runs, 0 beyond what the rig can do' in output
+
+
+def test_a_colcon_workspace(shell, tmp_path):
+    colcon = shutil.which('colcon', path=f'{Path(sys.executable).parent}:{os.environ["PATH"]}')
+    if colcon is None:
+        pytest.skip('colcon is not installed')
+    (path,) = (path for path in TUTORIALS if path.stem == 'colcon-workspace')
+    sources = tmp_path / 'sources'
+    shutil.copytree(ROOT, sources, ignore=shutil.ignore_patterns(
+        '.*cache', '.git', '.hypothesis', '.venv*', '*.egg-info', '__pycache__', 'build',
+        'install', 'log', 'out'))
+    prefixes = filter(None, [sys.prefix, os.environ.get('AMENT_PREFIX_PATH')])
+    output, folder = shell(
+        # What colcon writes to be sourced reads variables that may not be set.
+        '\n'.join(blocks(path, 'workspace')), options='-eo', ros2=WORKSPACE_STAND_IN,
+        sources=str(sources), AMENT_PREFIX_PATH=os.pathsep.join(prefixes),
+        COLCON_HOME=str(tmp_path / 'colcon'), PYTHONPATH=os.environ.get('PYTHONPATH', ''))
+    assert '(ros.ament_python)' in output
+    assert '3 runs, 0 beyond what the rig can do' in output
+    assert re.search(r'common samples 5000 from index 0', output)
+    assert re.search(r'Summary: [1-9]\d+ tests, 0 errors, 0 failures', output)
+    assert (folder / 'ws' / 'demo' / 'report.html').is_file()
 
 
 @pytest.mark.parametrize('path', TUTORIALS, ids=lambda path: path.stem)

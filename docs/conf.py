@@ -1,0 +1,46 @@
+# Copyright 2026 piezo_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What Sphinx needs beside what rosdoc2 sets, which runs this file within a conf.py of its own."""
+
+import re
+from importlib.util import find_spec
+
+extensions = ['sphinx.ext.mathjax', 'sphinx.ext.napoleon']
+
+napoleon_google_docstring = False
+napoleon_use_rtype = False
+
+# A heading of a Markdown page can be linked to.
+myst_heading_anchors = 4
+
+# What rosdoc2 cannot tell by the names of the dependencies in package.xml.
+autodoc_mock_imports = [
+    name for name in ('control', 'lz4', 'mcap', 'mpl_toolkits', 'zstandard')
+    if find_spec(name) is None]
+
+# What is code already, or a bar that stands for no more than itself.
+_CODE_OR_BAR = re.compile(r'``.*?``|`[^`]*`|\|')
+
+
+def keep_bars(app, what, name, object_, options, lines):
+    """Keep |S| an absolute value: reStructuredText would look for a substitution of that name."""
+    lines[:] = [
+        _CODE_OR_BAR.sub(lambda found: r'\|' if found[0] == '|' else found[0], line)
+        for line in lines]
+
+
+def setup(app):
+    """Have docstrings changed as they are read, once napoleon has done its part."""
+    app.connect('autodoc-process-docstring', keep_bars, priority=900)
