@@ -39,6 +39,7 @@ __all__ = [
     'check_topics',
     'named_topics',
     'remapped_entries',
+    'remapped_part',
 ]
 
 NAMESPACE_KEY: Final = 'namespace'
@@ -113,6 +114,13 @@ def remapped_entries(topics: Mapping[str, str], namespace: str | None) -> dict[s
         f'{TOPIC_KEY}{stream}': name for stream, name in topics.items()
         if name != f'{namespace.rstrip("/")}/{stream}'}
     return {NAMESPACE_KEY: namespace, **remapped} if remapped else {}
+
+
+def remapped_part(record: Mapping[str, str]) -> dict[str, str]:
+    """Return the entries of a metadata record that `remapped_entries` has made."""
+    return {
+        key: value for key, value in record.items()
+        if key == NAMESPACE_KEY or key.startswith(TOPIC_KEY)}
 
 
 def named_topics(records: Iterable[Metadata]) -> dict[str, Place]:

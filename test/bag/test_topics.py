@@ -163,6 +163,33 @@ def test_the_record_tells_whatever_the_names_say_and_wherever_it_stands(
     assert assert_holds(tmp_path / 'bag.mcap', samples).namespace == '/rig'
 
 
+def test_a_file_of_several_remapped_rigs_is_read_and_salvaged(tmp_path, run_samples):
+    rigs = {
+        '/a': {**REMAPPED, 'voltage': '/a/displacement', 'displacement': '/a/voltage'},
+        '/b': {stream: f'/b/{stream}_x' for stream in ('command', 'displacement')}}
+    rigs['/a'] = {stream: name.replace('/rig', '/a') for stream, name in rigs['/a'].items()}
+    samples = {rig: run_samples(20 + number) for number, rig in enumerate(rigs)}
+    with (tmp_path / 'bag.mcap').open('wb') as file:
+        writer = Writer(file)
+        writer.start('ros2', 'another program')
+        schema = writer.register_schema(TYPE_NAME, 'ros2msg', DEFINITION.encode())
+        for rig, topics in rigs.items():
+            record = {'format_version': '1', **remapped_entries(topics, rig)}
+            writer.add_metadata('piezo_ros', record)
+            for stream, name in topics.items():
+                channel = writer.register_channel(name, 'cdr', schema)
+                raw = BlockCodec(stream).encode(0, 1e-5, samples[rig][stream])
+                writer.add_message(channel, 0, raw, 0)
+        writer.finish()
+    salvage(tmp_path / 'bag.mcap', tmp_path / 'saved')
+    for path in (tmp_path / 'bag.mcap', tmp_path / 'saved'):
+        with pytest.raises(BagError, match='say which: /a, /b$'):
+            read(path)
+        for rig, topics in rigs.items():
+            expected = {stream: samples[rig][stream] for stream in topics}
+            assert_holds(path, expected, namespace=rig)
+
+
 @pytest.mark.parametrize(('names', 'namespace'), [
     # One rig: what its other streams are in.
     ({'/rig/displacement': '/stage/position'}, '/rig'),
