@@ -89,7 +89,7 @@ class StreamNode(LifecycleNode):
 
     def create_own_publisher(
         self, message_type: Any, topic: str, qos: QoSProfile,
-        event_callbacks: PublisherEventCallbacks | None = None,
+        event_callbacks: 'PublisherEventCallbacks | None' = None,
     ) -> Publisher:
         """Create a publisher beside the streams; it goes when the node is cleaned up."""
         publisher = self.create_publisher(
