@@ -4,29 +4,37 @@
 
 # Another interpreter: make demo PYTHON=python3.12
 PYTHON ?= python3
+# Other wheels than those of setup.py's DEFAULT_DISTRIBUTION: make demo DISTRO=kilted
+DISTRO ?=
 VENV ?= .venv
 BIN := $(VENV)/bin
 # For example: make test PYTEST_ARGS='test/bag -x'
 PYTEST_ARGS ?=
+# Some of the combinations of .ci/matrix: make test-matrix MATRIX='jazzy-3.12-newest'
+MATRIX ?=
 # Two workers: the tests start whole sets of ROS processes, and time out where these starve.
 PYTEST := $(BIN)/python -m pytest -n 2 --dist loadfile
 
-# A second call finds the stamp and is instant.
-DEMO_READY := $(VENV)/.stamp-demo
-TEST_READY := $(VENV)/.stamp-test
+# A second call finds the stamp and is instant; another ROS has another stamp.
+ROS := $(or $(DISTRO),default)-$(or $(ROS_DISTRO),wheels)
+DEMO_READY := $(VENV)/.stamp-demo-$(ROS)
+TEST_READY := $(VENV)/.stamp-test-$(ROS)
 METADATA := setup.py setup.cfg .ci/setup-venv
+SETUP_VENV = @DISTRO='$(DISTRO)' bash .ci/setup-venv $(PYTHON) $(VENV)
+# On a machine that no ROS 2 is to be had for, the same plan offline: setup-venv leaves word of it.
+RUN := $$(if [ -e $(VENV)/.no-ros ]; then cat $(VENV)/.no-ros >&2; echo simulate; else echo run; fi)
 
 .DEFAULT_GOAL := help
-.PHONY: help demo paper bench test test-slow lint docs clean
+.PHONY: help demo paper bench test test-slow test-matrix lint docs clean
 
 help:  ## this list
 	@sed -nE 's/^([a-z-]+):.*## (.*)/make \1|\2/p' Makefile | awk -F'|' '{printf "  %-16s%s\n", $$1, $$2}'
 
 demo: $(DEMO_READY)  ## set up .venv, drive the simulated rig through ROS, report into out/demo
-	$(BIN)/piezo run config/experiments/demo.yaml -o out/demo --force
+	$(BIN)/piezo $(RUN) config/experiments/demo.yaml -o out/demo --force
 
 paper: $(DEMO_READY)  ## every table and figure of the paper from live runs, into out/paper
-	$(BIN)/piezo run config/experiments/paper.yaml -o out/paper --force
+	$(BIN)/piezo $(RUN) config/experiments/paper.yaml -o out/paper --force
 
 bench: $(DEMO_READY)  ## measure this machine into docs/bench, several minutes; it should do nothing else
 	mkdir -p docs/bench
@@ -39,6 +47,9 @@ test: $(TEST_READY)  ## style, types, tiers (test_lint.py) and all other tests b
 test-slow: $(TEST_READY)  ## the tests that take minutes
 	$(PYTEST) -m slow $(PYTEST_ARGS)
 
+test-matrix:  ## all tests on Jazzy and Kilted, Python 3.10 and 3.12, newest and oldest versions: hours
+	@bash .ci/matrix $(MATRIX) -- $(PYTEST_ARGS)
+
 lint: $(TEST_READY)  ## style, types and tiers alone
 	$(BIN)/ruff check
 	$(BIN)/mypy
@@ -47,15 +58,15 @@ lint: $(TEST_READY)  ## style, types and tiers alone
 docs: $(DEMO_READY)  ## print docs/parameters.md and docs/launch.md from the code
 	$(BIN)/python -m piezo_ros.experiment.reference_pages docs
 
-clean:  ## remove .venv, what was built and what tools cached; out/ stays
-	rm -rf $(VENV) build dist install log *.egg-info
+clean:  ## remove .venv and .matrix, what was built and what tools cached; out/ stays
+	rm -rf $(VENV) .matrix build dist install log *.egg-info
 	rm -rf .hypothesis .import_linter_cache .mypy_cache .pytest_cache .ruff_cache
 	find $(wildcard piezo_ros launch test) -name __pycache__ -prune -exec rm -rf {} +
 
 $(DEMO_READY): $(METADATA)
-	@bash .ci/setup-venv $(PYTHON) $(VENV)
+	$(SETUP_VENV)
 	@touch $@
 
 $(TEST_READY): $(METADATA)
-	@bash .ci/setup-venv $(PYTHON) $(VENV) test
+	$(SETUP_VENV) test
 	@touch $@ $(DEMO_READY)

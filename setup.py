@@ -24,18 +24,33 @@ HERE = Path(__file__).resolve().parent
 NODES = ('plant', 'compensator', 'controller', 'trajectory', 'recorder', 'loop')
 EXECUTABLES = (*NODES, 'piezo')
 
-# The ROS 2 Kilted wheels; only the patch number may move, so that no other distribution mixes in.
-ROS_WHEELS = [
-    'ros-rclpy~=9.1.0',
-    # rclpy does not pull a middleware in.
-    'ros-rmw-fastrtps-cpp~=9.3.0',
-    'ros-diagnostic-msgs~=5.5.0',
-    'ros-std-msgs~=5.5.0',
-    'ros-std-srvs~=5.5.0',
-    'ros-lifecycle-msgs~=2.3.0',
-    'ros-rcl-interfaces~=2.3.0',
-    'ros-rosgraph-msgs~=2.3.0',
-]
+# What the extra [ros], and with it `make demo` where no ROS is sourced, brings.
+DEFAULT_DISTRIBUTION = 'jazzy'
+
+# The wheels of each distribution; only the patch number may move, so that no two of them mix.
+ROS_WHEELS = {
+    'jazzy': [
+        'ros-rclpy~=7.1.4',
+        # rclpy does not pull a middleware in.
+        'ros-rmw-fastrtps-cpp~=8.4.0',
+        'ros-diagnostic-msgs~=5.3.0',
+        'ros-std-msgs~=5.3.0',
+        'ros-std-srvs~=5.3.0',
+        'ros-lifecycle-msgs~=2.0.0',
+        'ros-rcl-interfaces~=2.0.0',
+        'ros-rosgraph-msgs~=2.0.0',
+    ],
+    'kilted': [
+        'ros-rclpy~=9.1.0',
+        'ros-rmw-fastrtps-cpp~=9.3.0',
+        'ros-diagnostic-msgs~=5.5.0',
+        'ros-std-msgs~=5.5.0',
+        'ros-std-srvs~=5.5.0',
+        'ros-lifecycle-msgs~=2.3.0',
+        'ros-rcl-interfaces~=2.3.0',
+        'ros-rosgraph-msgs~=2.3.0',
+    ],
+}
 
 # `ros2 run` looks for executables in lib/<package>, pip puts them into bin.
 WRAPPER = """\
@@ -95,19 +110,22 @@ setup(
     },
     data_files=data_files,
     zip_safe=False,
+    # The oldest are what Ubuntu 22.04 brings, or the first with wheels for Python 3.10; as they
+    # stand here, `make test-matrix` installs and tests them (.ci/requirements).
     install_requires=[
-        'control>=0.10',
-        'lz4>=4',
-        'matplotlib>=3.8',
-        'mcap>=1.2',
-        'numba>=0.60',
-        'numpy>=1.26',
-        'pyyaml>=6',
-        'scipy>=1.11',
-        'zstandard>=0.22',
+        'control>=0.9.4',
+        'lz4>=4.0.0',
+        'matplotlib>=3.5.1',
+        'mcap>=1.5.0',  # Writer.flush
+        'numba>=0.55.1',
+        'numpy>=1.21.5',
+        'pyyaml>=6.0',
+        'scipy>=1.8.0',
+        'zstandard>=0.16.0',
     ],
     extras_require={
-        'ros': ROS_WHEELS,
+        'ros': ROS_WHEELS[DEFAULT_DISTRIBUTION],
+        **ROS_WHEELS,
         # piezo sweep --engine dask, and its results as Parquet.
         'dask': ['distributed>=2024.1', 'pyarrow>=14'],
         # One more ring in piezo bench.

@@ -12,6 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
+import importlib.util
 import os
 
 # Before any test module imports rclpy or matplotlib; subprocesses inherit it. Stale shared-memory
@@ -20,3 +21,10 @@ os.environ['FASTDDS_BUILTIN_TRANSPORTS'] = 'UDPv4'
 os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
 os.environ['ROS_DOMAIN_ID'] = str(1 + os.getpid() % 100)
 os.environ['MPLBACKEND'] = 'Agg'
+
+WITHOUT_ROS = importlib.util.find_spec('rclpy') is None
+collect_ignore = ['nodes', 'cli/test_run_live.py'] if WITHOUT_ROS else []
+
+
+def pytest_report_header():
+    return f'no rclpy: left out are {", ".join(collect_ignore)}' if WITHOUT_ROS else None

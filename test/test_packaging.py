@@ -141,12 +141,13 @@ def test_an_extra_brings_what_is_imported_only_where_it_is_needed(metadata, name
                 assert name not in ast.unparse(statement), path
 
 
-def test_the_ros_extra_brings_every_ros_package_that_the_manifest_names(metadata, manifest):
+@pytest.mark.parametrize('extra', ['ros', 'jazzy', 'kilted'])
+def test_the_ros_extras_bring_every_ros_package_that_the_manifest_names(metadata, manifest, extra):
     keys = {dependency.text for dependency in manifest.iter('exec_depend')}
     from_ros = keys - {key for _, key in THIRD_PARTY.values()}
     # launch and launch_ros are not on PyPI: launch files need a ROS installation.
     wheels = {f'ros-{key.replace("_", "-")}' for key in from_ros - {'launch', 'launch_ros'}}
-    assert wheels <= requirement_names(metadata['extras_require']['ros'])
+    assert wheels <= requirement_names(metadata['extras_require'][extra])
 
 
 def test_every_data_file_beside_the_code_is_packaged(metadata):

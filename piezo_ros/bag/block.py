@@ -37,6 +37,7 @@ __all__ = [
     'MalformedBlockError',
     'OtherEncodingError',
     'block_from_message_fields',
+    'labelled_stream',
 ]
 
 # Stream (topic) name -> unit of its samples; the label of a block is '<topic>_<unit>'.
@@ -276,6 +277,17 @@ def block_from_message_fields(
 
     """
     return _checked(label, size, stride, data_offset, np.asarray(data, dtype=np.float64))
+
+
+def labelled_stream(raw: bytes) -> str | None:
+    """Return the stream that a serialized block is labelled with, None if this is no block."""
+    try:
+        label, size, _, offset, data = _parse(raw)
+    except MalformedBlockError:
+        return None
+    if offset != _HEADER_SAMPLES or data.size != size + _HEADER_SAMPLES:
+        return None
+    return next((name for name, unit in STREAMS.items() if label == f'{name}_{unit}'), None)
 
 
 def _parse(raw: bytes) -> tuple[str, int, int, int, NDArray[np.float64]]:

@@ -20,22 +20,24 @@ from pathlib import Path
 from typing import Any, Final, Generic, TypeVar
 
 import yaml
-from mcap.records import Attachment, Channel, Metadata, Schema
+from mcap.records import Attachment, Metadata
 
-from piezo_ros.bag.block import STREAMS
+from piezo_ros.bag.block import STREAMS, labelled_stream
+from piezo_ros.bag.chunk_scan import HEAD_BYTES, MESSAGE_HEAD_BYTES, unaligned
 from piezo_ros.bag.container import McapFile, Piece
 from piezo_ros.bag.errors import BagError
 from piezo_ros.bag.layout import mcap_files
 from piezo_ros.bag.message_type import TYPE_NAME
 from piezo_ros.bag.stream import Sink, StreamAssembler
+from piezo_ros.bag.topics import Place, Rigs, array_topic, named_topics
 from piezo_ros.bag.writer import FORMAT_VERSION, PARAMETERS_NAME, RECORD_NAME
 
-__all__ = ['LOST_KEY', 'Contents', 'Facts', 'Span', 'stream_of']
+__all__ = ['LOST_KEY', 'Contents', 'Facts', 'Span']
 
 LOST_KEY: Final = 'lost'  # entry of the metadata record in which a salvaged bag names its losses
 _Sink = TypeVar('_Sink', bound=Sink)
-# Namespace and stream -> first index and end of its samples in one piece.
-Span = dict[tuple[str, str], tuple[int, int]]
+# Topic -> first index and end of its samples in one piece.
+Span = dict[str, tuple[int, int]]
 
 
 # No NamedTuple: Python 3.10 has none that is generic.
@@ -62,6 +64,8 @@ class Facts(Generic[_Sink]):
         Sentences that say what is missing.
     topics : tuple of str
         Names of all topics in the bag.
+    stream_topics : dict of str to str
+        The topic of each of the streams.
 
     """
 
@@ -74,6 +78,7 @@ class Facts(Generic[_Sink]):
     metadata: dict[str, str]
     lost: tuple[str, ...]
     topics: tuple[str, ...]
+    stream_topics: dict[str, str]
 
 
 class Contents(Generic[_Sink]):
@@ -114,15 +119,29 @@ class Contents(Generic[_Sink]):
         self._sink = sink
         self._wanted = wanted
         self._keep_not_finite = keep_not_finite
+        files = mcap_files(path)
+        self._total_bytes = max(1, sum(file.stat().st_size for file in files))
+        self._named: dict[str, Place] = {}
+        self._read(files)
+        named = named_topics(self._metadata)
+        if any(self._kinds.get(topic, stream) != stream for topic, (_, stream) in named.items()):
+            # Another program has put the record behind the messages of misleading topics.
+            self._named = named
+            self._read(files)
+        self._rigs = Rigs(
+            {topic: assembler.stream for topic, (assembler, _) in self._streams.items()},
+            {**named_topics(self._metadata), **self._named})
+
+    def _read(self, files: list[Path]) -> None:
+        """Look through all files."""
         self._metadata: list[Metadata] = []
         self._attachments: list[Attachment] = []
         self._damage: list[str] = []
         self._topics: set[str] = set()
-        self._streams: dict[str, dict[str, tuple[StreamAssembler, _Sink]]] = {}
+        self._kinds: dict[str, str | None] = {}  # topic -> its stream, None if it is none
+        self._streams: dict[str, tuple[StreamAssembler, _Sink]] = {}  # by topic
         self.spans: dict[Path, list[Span]] = {}
         self.files: dict[Path, McapFile] = {}
-        files = mcap_files(path)
-        self._total_bytes = max(1, sum(file.stat().st_size for file in files))
         self._read_bytes = 0
         self._piece_bytes = 0
         for file in files:
@@ -146,22 +165,36 @@ class Contents(Generic[_Sink]):
     def _take(self, file: McapFile, piece: Piece) -> Span:
         span: Span = {}
         for number, messages in piece.by_channel():
-            place = stream_of(file.schemas, file.channels.get(number))
-            if place is None or place[1] not in self._wanted:
+            topic = array_topic(file.schemas, file.channels.get(number))
+            if topic is None:
                 continue
-            namespace, stream = place
-            streams = self._streams.setdefault(namespace, {})
-            if stream not in streams:
+            if topic not in self._kinds:
+                self._kinds[topic] = self._kind(topic, file, piece, int(messages[0]))
+            stream = self._kinds[topic]
+            if stream is None or stream not in self._wanted:
+                continue
+            if topic not in self._streams:
                 sink = self._sink(self._share)
-                streams[stream] = StreamAssembler(
+                self._streams[topic] = StreamAssembler(
                     stream, sink, keep_not_finite=self._keep_not_finite), sink
-            assembler, _ = streams[stream]
+            assembler, _ = self._streams[topic]
             before = assembler.count
             assembler.add(piece, messages)
             if assembler.count > before:
                 first = assembler.start_index
-                span[place] = first + before, first + assembler.count
+                span[topic] = first + before, first + assembler.count
         return span
+
+    def _kind(self, topic: str, file: McapFile, piece: Piece, start: int) -> str | None:
+        """Return the stream of a topic: by the record, its name or the label of its first block."""
+        named = {**named_topics([*self._metadata, *file.metadata]), **self._named}
+        if topic in named:
+            return named[topic].stream
+        last = topic.rpartition('/')[2]
+        if last in STREAMS:
+            return last
+        length = int(unaligned(piece.data, '<u8')[start + 1])
+        return labelled_stream(piece.data[start + MESSAGE_HEAD_BYTES:start + HEAD_BYTES + length])
 
     def _share(self) -> float:
         return min(1.0, max(self._read_bytes + self._piece_bytes, 1) / self._total_bytes)
@@ -190,9 +223,8 @@ class Contents(Generic[_Sink]):
                 'recovers what is whole')
         metadata = _record(path, self._metadata)
         chosen = self._namespace(namespace)
-        found = {
-            stream: self._streams[chosen][stream] for stream in STREAMS
-            if stream in self._streams[chosen]}
+        topics = self._stream_topics(chosen)
+        found = {stream: self._streams[topic] for stream, topic in topics.items()}
         problems = [
             assembler.problem for assembler, _ in found.values() if assembler.problem is not None]
         if problems and not allow_loss:
@@ -204,37 +236,43 @@ class Contents(Generic[_Sink]):
             chosen, period_s, start, stop - start, streams,
             _parameters(path, self._attachments), metadata,
             (*metadata.get(LOST_KEY, '').splitlines(), *self._damage, *problems),
-            tuple(sorted(self._topics)))
+            tuple(sorted(self._topics)), {stream: topics[stream] for stream in streams})
 
     def _namespace(self, wanted: str | None) -> str:
         """Return the namespace to read."""
-        choices = ', '.join(sorted(self._streams))
-        if not self._streams:
+        rigs = self._rigs
+        if not rigs.topics:
             topics = ', '.join(sorted(self._topics)) or 'none'
             raise BagError(
                 f'{self._path} has no stream: no messages of type {TYPE_NAME} on a topic that '
-                f'ends in one of {", ".join(self._wanted)}; its topics are {topics}')
+                f'ends in one of {", ".join(self._wanted)} or labelled as one; its topics are '
+                f'{topics}')
         if wanted is not None:
             name = '/' + wanted.strip('/')
-            if name not in self._streams:
+            if name not in rigs.topics:
                 raise BagError(
-                    f'{self._path} has no stream in the namespace {name}, choices are {choices}')
+                    f'{self._path} has no stream in the namespace {name}, choices are '
+                    f'{", ".join(sorted(rigs.topics))}')
             return name
-        if len(self._streams) > 1:
+        if len(rigs.choices) > 1:
+            labelled = ', '.join(
+                f'{topic} ({self._kinds[topic]})' for topic in sorted(rigs.labelled))
             raise BagError(
-                f'{self._path} has streams in several namespaces, say which: {choices}')
-        return next(iter(self._streams))
+                f'{self._path} has streams in several namespaces, say which: '
+                f'{", ".join(sorted(rigs.choices))}'
+                + (f'; the names do not tell whose these are: {labelled}' if labelled else ''))
+        return rigs.choices[0]
 
-
-def stream_of(schemas: dict[int, Schema], channel: Channel | None) -> tuple[str, str] | None:
-    """Return namespace and stream of a channel, None if it is no stream."""
-    if channel is None or channel.message_encoding != 'cdr':
-        return None
-    schema = schemas.get(channel.schema_id)
-    parent, _, stream = channel.topic.rpartition('/')
-    if schema is None or schema.name != TYPE_NAME or stream not in STREAMS:
-        return None
-    return parent or '/', stream
+    def _stream_topics(self, namespace: str) -> dict[str, str]:
+        """Return the topics of the streams of a rig, in the order of `STREAMS`."""
+        rig = self._rigs.topics[namespace]
+        for stream, topics in rig.items():
+            if len(topics) > 1:
+                raise BagError(
+                    f'{self._path} has the stream {stream!r} of the namespace {namespace} on '
+                    f'several topics, only one of them may be in the bag: '
+                    f'{", ".join(sorted(topics))}')
+        return {stream: rig[stream][0] for stream in STREAMS if stream in rig}
 
 
 def _record(path: Path, records: list[Metadata]) -> dict[str, str]:

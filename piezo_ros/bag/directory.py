@@ -89,7 +89,7 @@ class BagDirectory:
     compression : str
         Compression of the chunks: ``zstd``, ``lz4`` or ``none``.
     custom_data : mapping of str to str
-        The entry ``custom_data`` of ``metadata.yaml``.
+        The entry ``custom_data`` of ``metadata.yaml``, to which `add_custom_data` may add.
 
     Raises
     ------
@@ -165,6 +165,10 @@ class BagDirectory:
         """Write a metadata record, ahead of the messages that are not in the file yet."""
         with self._disk():
             self._writer.add_metadata(name, dict(entries))
+
+    def add_custom_data(self, entries: Mapping[str, str]) -> None:
+        """Add to the entry ``custom_data``, in place of entries of the same name."""
+        self._custom_data.update(entries)
 
     def add_attachment(self, name: str, media_type: str, data: bytes) -> None:
         """Write an attachment of time 0, ahead of the messages that are not in the file yet."""

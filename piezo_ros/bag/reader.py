@@ -31,7 +31,8 @@ def read(
     Read the streams of one run from a bag.
 
     A stream is a topic of type ``std_msgs/msg/Float64MultiArray`` whose last name component is one
-    of `STREAMS`; all other topics are ignored. Log times are not used.
+    of `STREAMS`, or that the record of the bag names, or whose first message is labelled as a
+    block of one (a remapped topic); all other topics are ignored. Log times are not used.
 
     Parameters
     ----------

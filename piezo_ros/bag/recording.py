@@ -21,10 +21,11 @@ from typing import Any, NamedTuple
 
 from piezo_ros.bag.block import STREAMS
 from piezo_ros.bag.container import McapFile
-from piezo_ros.bag.contents import Contents, Facts, Span, stream_of
+from piezo_ros.bag.contents import Contents, Facts, Span
 from piezo_ros.bag.errors import BagError
 from piezo_ros.bag.run import Run, check_part, missing_stream, run_of
 from piezo_ros.bag.stream import Collected, Extremes, Stream, StreamAssembler
+from piezo_ros.bag.topics import array_topic
 
 __all__ = ['Recording', 'StreamSummary', 'open_recording']
 
@@ -39,6 +40,8 @@ class StreamSummary(NamedTuple):
         Index of its first sample and their number, also of those that other streams lack.
     minimum, maximum : float
         Smallest and largest of them, in the stream's unit.
+    topic : str
+        Name of its topic.
 
     """
 
@@ -46,6 +49,7 @@ class StreamSummary(NamedTuple):
     samples: int
     minimum: float
     maximum: float
+    topic: str
 
 
 @dataclass(frozen=True)
@@ -111,7 +115,8 @@ class Recording:
         """The streams that have samples, in the order of `STREAMS`."""
         return {
             stream: StreamSummary(
-                assembler.start_index, assembler.count, extremes.minimum, extremes.maximum)
+                assembler.start_index, assembler.count, extremes.minimum, extremes.maximum,
+                self.facts.stream_topics[stream])
             for stream, (assembler, extremes) in self.facts.streams.items()}
 
     def described(self, metadata: Mapping[str, str]) -> 'Recording':
@@ -185,10 +190,11 @@ class Recording:
     def _read(self, sinks: Mapping[str, Collected], kept: range) -> None:
         """Hand the samples to the sinks, out of the pieces of the files that hold them."""
         assemblers = {
-            stream: StreamAssembler(stream, sink, keep_not_finite=self._keep_not_finite)
+            self.facts.stream_topics[stream]: StreamAssembler(
+                stream, sink, keep_not_finite=self._keep_not_finite)
             for stream, sink in sinks.items()}
         for path, spans in self._spans.items():
-            needed = [self._needed(span, sinks, kept) for span in spans]
+            needed = [self._needed(span, assemblers, kept) for span in spans]
             if not any(needed):
                 continue
             surveyed = self._files[path]
@@ -198,21 +204,20 @@ class Recording:
             file.channels.update(surveyed.channels)
             for piece in file.pieces(needed):
                 for number, messages in piece.by_channel():
-                    place = stream_of(file.schemas, file.channels.get(number))
-                    if place is not None and place[0] == self.namespace and (
-                            place[1] in needed[piece.number]):
-                        assemblers[place[1]].add(piece, messages)
+                    topic = array_topic(file.schemas, file.channels.get(number))
+                    if topic in needed[piece.number]:
+                        assemblers[topic].add(piece, messages)
 
-    def _needed(self, span: Span, sinks: Mapping[str, Collected], kept: range) -> frozenset[str]:
+    @staticmethod
+    def _needed(span: Span, topics: Collection[str], kept: range) -> frozenset[str]:
         """
-        Return the streams of which a piece holds wanted samples.
+        Return the topics of which a piece holds wanted samples.
 
-        Of a stream these pieces follow one another, though others may lie between them.
+        Of a topic these pieces follow one another, though others may lie between them.
         """
         return frozenset(
-            stream for (namespace, stream), (first, stop) in span.items()
-            if namespace == self.namespace and stream in sinks
-            and first < kept.stop and stop > kept.start)
+            topic for topic, (first, stop) in span.items()
+            if topic in topics and first < kept.stop and stop > kept.start)
 
 
 def open_recording(

@@ -29,6 +29,7 @@ from piezo_ros.bag.contents import LOST_KEY
 from piezo_ros.bag.directory import BagDirectory, Topic
 from piezo_ros.bag.errors import BagError
 from piezo_ros.bag.layout import mcap_files
+from piezo_ros.bag.topics import remapped_part
 from piezo_ros.bag.writer import FORMAT_VERSION, RECORD_NAME
 
 __all__ = ['Salvage', 'salvage']
@@ -95,10 +96,11 @@ def salvage(path: Path | str, output: Path | str, *, compression: str = 'zstd') 
         survey.add(file)
     if not survey.messages:
         raise BagError(f'{path} holds no whole message: {"; ".join(survey.lost)}')
-    record = survey.record()
-    with BagDirectory(Path(output), compression=compression, custom_data=record) as bag:
-        if record:
-            bag.add_metadata(RECORD_NAME, record)
+    records = survey.records()
+    with BagDirectory(Path(output), compression=compression, custom_data=records[0]) as bag:
+        for record in records:
+            if record:
+                bag.add_metadata(RECORD_NAME, record)
         for metadata in survey.metadata:
             bag.add_metadata(metadata.name, metadata.metadata)
         for attachment in survey.attachments:
@@ -121,6 +123,7 @@ class _Survey:
         self.attachments: list[Attachment] = []
         self.lost: list[str] = []
         self._own: dict[str, str] = {}
+        self._remapped: list[dict[str, str]] = []
 
     def add(self, path: Path) -> None:
         """Look through one file."""
@@ -140,10 +143,15 @@ class _Survey:
         for metadata in file.metadata:
             if metadata.name == RECORD_NAME:
                 self._own.update(metadata.metadata)
+                remapped = remapped_part(metadata.metadata)
+                if remapped and remapped not in self._remapped:
+                    self._remapped.append(remapped)
             elif metadata.name != _ROSBAG2_RECORD and metadata not in self.metadata:
                 self.metadata.append(metadata)
-        self.attachments += [
-            attachment for attachment in file.attachments if attachment not in self.attachments]
+        for attachment in file.attachments:
+            # Once, where it came last: later ones override.
+            self.attachments = [other for other in self.attachments if other != attachment]
+            self.attachments.append(attachment)
 
     def _announce(self, file: McapFile, name: str) -> bool:
         """Note a topic; False if its channel or its type did not survive."""
@@ -157,14 +165,23 @@ class _Survey:
                 return True
         return False
 
-    def record(self) -> dict[str, str]:
-        """Return the metadata record of this package for the new bag, empty if it needs none."""
+    def records(self) -> list[dict[str, str]]:
+        """
+        Return the metadata records of this package for the new bag.
+
+        One, empty if it needs none; after it, if the bag was put together of several rigs, what
+        each says of its topics.
+        """
         record = dict(self._own)
+        several = self._remapped if len(self._remapped) > 1 else []
+        if several:
+            record = {
+                key: value for key, value in record.items() if key not in remapped_part(record)}
         lost = [*record.get(LOST_KEY, '').splitlines(), *self.lost]
         if lost:
             record[LOST_KEY] = '\n'.join(lost)
             record.setdefault('format_version', FORMAT_VERSION)
-        return record
+        return [record, *({**part, 'format_version': FORMAT_VERSION} for part in several)]
 
 
 def _qos(channel: Channel) -> list[dict[str, Any]]:

@@ -143,6 +143,8 @@ class StreamAssembler:
 
     Attributes
     ----------
+    stream : str
+        The stream.
     start_index : int
         Index of the first sample.
     sample_period_s : float
@@ -155,7 +157,7 @@ class StreamAssembler:
     """
 
     def __init__(self, stream: str, sink: Sink, *, keep_not_finite: bool = False) -> None:
-        self._stream = stream
+        self.stream = stream
         self._sink = sink
         self._keep_not_finite = keep_not_finite
         self._codec = BlockCodec(stream)
@@ -236,7 +238,7 @@ class StreamAssembler:
                 blocks.append(self._codec.decode(data[start + MESSAGE_HEAD_BYTES:start + length]))
             except MalformedBlockError as error:
                 malformed = (
-                    f'message {self._messages + len(blocks)} of stream {self._stream!r}: {error}')
+                    f'message {self._messages + len(blocks)} of stream {self.stream!r}: {error}')
                 break
         samples = [np.asarray(block.samples, dtype=np.float64) for block in blocks]
         return _Blocks(
@@ -255,7 +257,7 @@ class StreamAssembler:
         if not (self._keep_not_finite or (finite := np.isfinite(samples)).all()):
             first = int(np.argmin(finite))
             self.problem = (
-                f'sample {self.start_index + self.count + first} of stream {self._stream!r} is '
+                f'sample {self.start_index + self.count + first} of stream {self.stream!r} is '
                 f'{samples[first]}, it must be finite')
             samples = samples[:first]
         self._blocks += good
@@ -286,7 +288,7 @@ class StreamAssembler:
             return indices.size, None
         first = int(np.argmax(wrong))
         index, period, due = indices[first], periods[first], expected[first]
-        name = f'stream {self._stream!r}'
+        name = f'stream {self.stream!r}'
         if not valid_index[first]:
             return first, (
                 f'{name} has a block with index {index} where {due:.0f} is due, allowed are '

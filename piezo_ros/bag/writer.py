@@ -27,6 +27,7 @@ from piezo_ros.bag.block import STREAMS, BlockCodec
 from piezo_ros.bag.directory import BagDirectory, Topic
 from piezo_ros.bag.errors import BagError
 from piezo_ros.bag.message_type import DEFINITION, STREAM_QOS, TYPE_HASH, TYPE_NAME
+from piezo_ros.bag.topics import NAMESPACE_KEY, TOPIC_KEY, check_topics, remapped_entries
 
 __all__ = ['FORMAT_VERSION', 'PARAMETERS_NAME', 'RECORD_NAME', 'BagWriter']
 
@@ -49,8 +50,10 @@ class BagWriter:
     directory : Path
         Created, with its parents; must not exist.
     topics : mapping of str to str, optional
-        Stream to resolved topic name, whose last component is the stream; by default every
-        stream at the root.
+        Stream to resolved topic name, which may be any; by default every stream at the root.
+    namespace : str, optional
+        Namespace of the rig. Where a topic is not ``<namespace>/<stream>``, the metadata record
+        names both, so that readers find the stream. By default what the topics have in common.
     metadata : mapping of str to str, optional
         Entries of the metadata record 'piezo_ros'; 'format_version' is added.
     compression : str, optional
@@ -72,12 +75,13 @@ class BagWriter:
         directory: Path,
         *,
         topics: Mapping[str, str] | None = None,
+        namespace: str | None = None,
         metadata: Mapping[str, str] | None = None,
         compression: str = 'zstd',
     ) -> None:
         names = {stream: f'/{stream}' for stream in STREAMS} if topics is None else topics
-        _check_topics(names)
-        record = {**_checked_metadata(metadata or {}), 'format_version': FORMAT_VERSION}
+        check_topics(names, namespace)
+        record = {**_record(metadata or {}), **remapped_entries(names, namespace)}
         self._bag = BagDirectory(directory, compression=compression, custom_data=record)
         # Ahead of the first chunk, so that they outlive a cut of the file anywhere behind.
         self._bag.add_metadata(RECORD_NAME, record)
@@ -108,6 +112,35 @@ class BagWriter:
         """
         self._check_open()
         self._bag.add_attachment(PARAMETERS_NAME, 'application/yaml', yaml_text.encode())
+
+    def describe(self, metadata: Mapping[str, str], yaml_text: str | None = None) -> None:
+        """
+        Say more of the run, or other than before: what was learned after the bag was begun.
+
+        It stands behind what is written by now, and a later cut of the file may lose it.
+
+        Parameters
+        ----------
+        metadata : mapping of str to str
+            Entries of the metadata record 'piezo_ros'; those of the same name give way to them.
+        yaml_text : str, optional
+            A ROS parameter file, as `attach_parameters` takes it, of which each parameter takes
+            the place of what was said before.
+
+        Raises
+        ------
+        ValueError
+            If a metadata entry is invalid.
+        BagError
+            If the writer is closed, or the disk is full or fails.
+
+        """
+        record = _record(metadata)
+        self._check_open()
+        self._bag.add_metadata(RECORD_NAME, record)
+        self._bag.add_custom_data(record)
+        if yaml_text is not None:
+            self.attach_parameters(yaml_text)
 
     def write(self, stream: str, raw: bytes) -> None:
         """
@@ -207,20 +240,11 @@ class BagWriter:
             raise BagError(f'the writer of {self._bag.path} is closed')
 
 
-def _check_topics(topics: Mapping[str, str]) -> None:
-    for stream, name in topics.items():
-        if stream not in STREAMS:
-            raise ValueError(f'stream {stream!r} is none of {", ".join(STREAMS)}')
-        if not name.startswith('/') or name.rpartition('/')[2] != stream:
-            raise ValueError(
-                f'topic name {name!r} must begin with / and end in /{stream}, by which readers '
-                'find the stream')
-
-
-def _checked_metadata(metadata: Mapping[str, str]) -> Mapping[str, str]:
+def _record(metadata: Mapping[str, str]) -> dict[str, str]:
+    """Return the entries of a metadata record, checked, with the writer's own."""
     for key, value in metadata.items():
         if not isinstance(value, str):
             raise ValueError(f'metadata entry {key!r} is {value!r}, it must be a string')
-    if 'format_version' in metadata:
-        raise ValueError("metadata entry 'format_version' is the writer's own")
-    return metadata
+        if key in ('format_version', NAMESPACE_KEY) or key.startswith(TOPIC_KEY):
+            raise ValueError(f"metadata entry {key!r} is the writer's own")
+    return {**metadata, 'format_version': FORMAT_VERSION}

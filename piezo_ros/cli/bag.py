@@ -81,11 +81,16 @@ def _info(options: argparse.Namespace) -> tuple[str, ...]:
     for stream, summary in run.streams.items():
         print(
             f'  {stream:13}{summary.samples} samples from index {summary.start_index}, '
-            f'{summary.minimum:.4g} … {summary.maximum:.4g} {STREAMS[stream]}')
+            f'{summary.minimum:.4g} … {summary.maximum:.4g} {STREAMS[stream]}'
+            + _remapped(run.namespace, stream, summary.topic))
     for name, value in run.metadata.items():
         print(f'{name:28}{value}')
     print(f'parameters of  {", ".join(run.parameters) or "no node"}')
     return run.lost
+
+
+def _remapped(namespace: str, stream: str, topic: str) -> str:
+    return '' if topic == f'{namespace.rstrip("/")}/{stream}' else f', on {topic}'
 
 
 def _export_unless_there(options: argparse.Namespace) -> int:

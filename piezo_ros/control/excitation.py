@@ -281,10 +281,10 @@ def _low_crest(
     """Return one period whose spectrum has the wanted magnitudes and whose peak is low."""
     power = np.cumsum(magnitude**2) / np.sum(magnitude**2)
     # Schroeder: the phase is the integral of a group delay that spreads the power evenly.
-    phase = -2.0 * np.pi * np.cumsum(np.diff(line, prepend=0) * power)
+    phase: NDArray[np.floating] = -2.0 * np.pi * np.cumsum(np.diff(line, prepend=0) * power)
     phase += generator.uniform(-0.1, 0.1, line.size)
     spectrum = np.zeros(period // 2 + 1, dtype=np.complex128)
-    best = np.zeros(period)
+    best: NDArray[np.float64] = np.zeros(period)
     best_peak = math.inf
     for level in _CLIP_LEVELS:
         spectrum[line] = magnitude * np.exp(1j * phase)

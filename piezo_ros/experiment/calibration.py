@@ -25,7 +25,7 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import Bounds, OptimizeResult, differential_evolution
+from scipy.optimize import Bounds, differential_evolution
 
 from piezo_ros.experiment.tracking_table import (
     Agreement,
@@ -130,7 +130,7 @@ def calibrate_rig(
         missed = 1.0 - found.verdicts / found.conditions
         return float(found.median_deviation + deviations.mean() + _VERDICT_WEIGHT * missed)
 
-    def count(intermediate_result: OptimizeResult) -> None:
+    def count(*_: object, **__: object) -> None:  # SciPy 1.12 hands over other things than 1.11
         nonlocal done
         done += 1
         progress(done / generations)

@@ -13,9 +13,10 @@
 # limitations under the License.
 
 """
-What the launch files start: their arguments, and the node executables that follow from them.
+What the launch files start, and what ends with what.
 
-The launch files themselves only hand this over to `launch`, so that it can be checked, documented
+Their arguments, the node executables that follow from them, and whose end ends the others. The
+launch files themselves only hand this over to `launch`, so that it can be checked, documented
 and tried without it.
 """
 
@@ -31,7 +32,14 @@ from piezo_ros.experiment.parameter_file import read_parameter_file
 from piezo_ros.model import ParameterError
 from piezo_ros.model.parameters import constraint_of
 
-__all__ = ['LAUNCH_FILES', 'LaunchArgument', 'NodeProcess', 'node_processes']
+__all__ = [
+    'LAUNCH_FILES',
+    'LaunchArgument',
+    'NodeProcess',
+    'given_arguments',
+    'node_processes',
+    'reason_to_end',
+]
 
 STAGES: Final = ('compensator', 'controller', 'plant', 'trajectory')
 _SCAN_PARAMETERS: Final = {
@@ -64,14 +72,54 @@ class LaunchArgument(NamedTuple):
 
 
 class NodeProcess(NamedTuple):
-    """One process to start, and what follows ``--ros-args`` on its command line."""
+    """
+    One process to start.
+
+    Attributes
+    ----------
+    executable : str
+        What is started.
+    namespace : str
+        As for a node of `launch_ros`: a relative one goes into the namespace that an enclosing
+        launch file has pushed, an absolute one stands for itself, and '' is what was pushed.
+    remappings : tuple of pairs of str
+        Old and new name. Those of an enclosing launch file come first, and the first one counts.
+    ros_arguments : tuple of str
+        What follows ``--ros-args`` besides.
+
+    """
 
     executable: str
+    namespace: str
+    remappings: tuple[tuple[str, str], ...]
     ros_arguments: tuple[str, ...]
 
+    @property
+    def command_line(self) -> tuple[str, ...]:
+        """What follows the executable where it is started without an enclosing launch file."""
+        words = ['--ros-args', *self.ros_arguments]
+        if self.namespace:
+            words += ['-r', f'__ns:=/{self.namespace.lstrip("/")}']
+        for old, new in self.remappings:
+            words += ['-r', f'{old}:={new}']
+        return tuple(words)
 
-def _of_parameter(node: str, name: str) -> LaunchArgument:
-    """Return the argument that sets a parameter, by default to what the node has by itself."""
+
+def _of_parameter(node: str, name: str, *, else_of_file: bool = False) -> LaunchArgument:
+    """
+    Return the argument that sets a parameter.
+
+    Parameters
+    ----------
+    node : str
+        A node that has the parameter.
+    name : str
+        Name of parameter and argument.
+    else_of_file : bool
+        Whether the parameter is by default what the parameter file of the node says; else it is
+        what the node has by itself, whatever the file says.
+
+    """
     for parameter_set in NODE_PARAMETERS[node]:
         for field in dataclasses.fields(parameter_set):
             if field.name == name:
@@ -79,8 +127,11 @@ def _of_parameter(node: str, name: str) -> LaunchArgument:
                 unit = f' [{constraint.unit}]' if constraint.unit else ''
                 choices = constraint.choices or (
                     _TRUE_FALSE if isinstance(field.default, bool) else ())
-                return LaunchArgument(
-                    name, _text(field.default), constraint.description + unit, choices)
+                default, description = _text(field.default), constraint.description + unit
+                if else_of_file:
+                    default, description = '', (
+                        f'{description}; empty: what a parameter file says, else {default}')
+                return LaunchArgument(name, default, description, choices)
     raise LookupError(f'{node} has no parameter {name}')
 
 
@@ -89,7 +140,9 @@ def _text(value: Any) -> str:
 
 
 _COMMON: Final = (
-    LaunchArgument('namespace', '', 'namespace of all nodes; a rig of its own in each'),
+    LaunchArgument(
+        'namespace', '', 'namespace of all nodes; a rig of its own in each; a relative one goes '
+        'into the namespace that an enclosing launch file has pushed'),
     LaunchArgument('rig_file', 'rig.yaml', 'parameter file of the plant'),
     LaunchArgument('compensator_file', 'compensator.yaml', 'parameter file of the compensator'),
     LaunchArgument('controller_file', 'controller.yaml', 'parameter file of the controller'),
@@ -97,6 +150,11 @@ _COMMON: Final = (
     _of_parameter('plant', 'sample_period_s'),
     LaunchArgument('record', 'false', 'start a recorder, and end with it', _TRUE_FALSE),
     _of_parameter('recorder', 'bag_directory'),
+    _of_parameter('recorder', 'parameters_timeout_s'),
+    _of_parameter('plant', 'handshake_timeout_s', else_of_file=True),
+    LaunchArgument(
+        'ends', 'rig', 'what ends with the recorder, or with a node that fails: the other nodes of '
+        'this rig alone, or the whole launch', ('rig', 'launch')),
     *(_of_parameter('plant', name) for name in _PLANT_PARAMETERS),
     LaunchArgument(
         'clock_topic', '/clock', 'where publish_clock publishes; only one rig may have /clock'),
@@ -150,7 +208,36 @@ def node_processes(launch_file: str, values: Mapping[str, str]) -> list[NodeProc
     stages = [stage for stage in STAGES if stage not in left_out]
     names = [*(['recorder'] if record else []), *(['loop'] if composed else stages)]
     return [
-        NodeProcess(name, _ros_arguments(name, values, parameters)) for name in names]
+        NodeProcess(
+            name, _namespace(values['namespace']), _remappings(name, values, parameters),
+            _ros_arguments(name, values, parameters))
+        for name in names]
+
+
+def reason_to_end(executable: str, exit_code: int) -> str:
+    """
+    Return why the other processes of a rig end now that one of them has, '' where they go on.
+
+    Parameters
+    ----------
+    executable : str
+        The process that has ended.
+    exit_code : int
+        How; a negative one is the signal that has killed it.
+
+    """
+    if exit_code < 0:
+        return f'{executable} was killed by signal {-exit_code}'
+    if exit_code:
+        return f'{executable} failed with exit code {exit_code}'
+    return f'{executable} is done' if executable == 'recorder' else ''
+
+
+def given_arguments(launch_file: str, values: Mapping[str, str]) -> str:
+    """Return what was given other than by default, for the log: it tells whose values one got."""
+    return ', '.join(
+        f'{argument.name}:={values[argument.name]}' for argument in LAUNCH_FILES[launch_file]
+        if not argument.name.endswith('_file') and values[argument.name] != argument.default)
 
 
 def _left_out(text: str, *, composed: bool) -> list[str]:
@@ -170,12 +257,15 @@ def _parameters(
 ) -> dict[str, dict[str, Any]]:
     """Return the parameters of each node that go before those of its file, checked with them."""
     common = {
-        name: _value(values[name]) for name in ('sample_period_s', 'autostart')}
+        name: _value(values[name])
+        for name in ('sample_period_s', 'autostart', 'handshake_timeout_s') if values[name]}
     # With a recorder they stay until it has their parameters: it is what ends the launch.
     stage = {'required_readers': 2, 'linger_s': _UNTIL_TOLD_S} if record else {}
     parameters: dict[str, dict[str, Any]] = {
         name: {**common, **stage} for name in STAGES}
-    parameters['recorder'] = {**common, 'bag_directory': values['bag_directory']}
+    parameters['recorder'] = {
+        **common, 'bag_directory': values['bag_directory'],
+        'parameters_timeout_s': _value(values['parameters_timeout_s'])}
     parameters['plant'] |= {name: _value(values[name]) for name in _PLANT_PARAMETERS}
     if launch_file == 'scan.launch.py':
         for name, node in _SCAN_PARAMETERS.items():
@@ -187,7 +277,10 @@ def _parameters(
         in_file = {}
         if node in _FILES:
             in_file = read_parameter_file(_file(node, values), [node]).get(node, {})
-        check_node_parameters(node, {**in_file, **own})
+        complete = check_node_parameters(node, {**in_file, **own})
+        # As they are declared, 3 periods as 3.0: of two values for one parameter ROS takes the
+        # integer, also where the other is that of a SetParameter.
+        own.update((name, complete[name]) for name in own)
     return parameters
 
 
@@ -206,15 +299,27 @@ def _value(text: str) -> Any:
     return value
 
 
+def _namespace(text: str) -> str:
+    return text.rstrip('/') or text[:1]
+
+
+def _nodes_of(executable: str) -> tuple[str, ...]:
+    return STAGES if executable == 'loop' else (executable,)
+
+
+def _remappings(
+    executable: str, values: Mapping[str, str], parameters: Mapping[str, Mapping[str, Any]],
+) -> tuple[tuple[str, str], ...]:
+    if 'plant' in _nodes_of(executable) and parameters['plant']['publish_clock']:
+        return (('clock', values['clock_topic']),)
+    return ()
+
+
 def _ros_arguments(
     executable: str, values: Mapping[str, str], parameters: Mapping[str, Mapping[str, Any]],
 ) -> tuple[str, ...]:
-    nodes = STAGES if executable == 'loop' else (executable,)
+    nodes = _nodes_of(executable)
     words = ['--log-level', values['log_level']]
-    if values['namespace']:
-        words += ['-r', f'__ns:=/{values["namespace"].strip("/")}']
-    if 'plant' in nodes and parameters['plant']['publish_clock']:
-        words += ['-r', f'clock:={values["clock_topic"]}']
     for node in nodes:
         if node in _FILES:
             words += ['--params-file', str(_file(node, values))]

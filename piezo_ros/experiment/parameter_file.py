@@ -22,7 +22,8 @@ from typing import Any
 import yaml
 
 from piezo_ros.experiment.errors import PlanError
-from piezo_ros.experiment.node_parameters import parameter_names
+from piezo_ros.experiment.node_parameters import NODE_PARAMETERS, parameter_names
+from piezo_ros.experiment.roles import role_of
 
 __all__ = ['read_parameter_file', 'read_yaml']
 
@@ -71,7 +72,8 @@ def read_parameter_file(path: Path, nodes: Iterable[str]) -> dict[str, dict[str,
     -------
     dict of str to dict
         Node name to its parameters, for the nodes that the file names. Of a section for
-        every node (``/**``) each takes what it has, as in ROS.
+        every node (``/**``) each takes what it has, as in ROS. What all parameters of a node of
+        another name are, as `ros2 param dump` writes them, goes to the node that has these.
 
     Raises
     ------
@@ -89,6 +91,8 @@ def read_parameter_file(path: Path, nodes: Iterable[str]) -> dict[str, dict[str,
             raise PlanError(f'{path}: {key!r} has no mapping ros__parameters')
         last = str(key).rpartition('/')[2]
         values = section['ros__parameters']
+        if last not in (*NODE_PARAMETERS, '*', '**'):
+            last = role_of(values) or last
         for node in nodes:
             if last == node:
                 parameters.setdefault(node, {}).update(values)

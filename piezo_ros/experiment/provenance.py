@@ -53,7 +53,8 @@ def run_metadata(parameters: Mapping[str, Mapping[str, Any]]) -> dict[str, str]:
     Parameters
     ----------
     parameters : mapping of str to mapping
-        Node name (without namespace) to its parameters; foreign nodes may lack any.
+        Role of each node to its parameters, as `parameters_by_role` gives them; foreign nodes may
+        lack any.
 
     Returns
     -------
@@ -79,11 +80,11 @@ def parameters_yaml(namespace: str, parameters: Mapping[str, Mapping[str, Any]])
     namespace : str
         Namespace of the nodes, '/' for none.
     parameters : mapping of str to mapping
-        Node name to its parameters.
+        Node name to its parameters. A name that begins with '/' has its namespace with it.
 
     """
     prefix = namespace.rstrip('/')
     return yaml.dump({
-        f'{prefix}/{node}': {'ros__parameters': dict(values)}
+        node if node.startswith('/') else f'{prefix}/{node}': {'ros__parameters': dict(values)}
         for node, values in sorted(parameters.items())},
         Dumper=getattr(yaml, 'CSafeDumper', yaml.SafeDumper), sort_keys=True)

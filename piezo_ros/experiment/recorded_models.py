@@ -16,12 +16,13 @@
 
 import dataclasses
 import math
-from typing import Any, Final, TypeVar
+from typing import Final, TypeVar
 
 from piezo_ros.bag import BagError, Run
 from piezo_ros.control import TrajectoryParameters
 from piezo_ros.control.excitation import Window
 from piezo_ros.control.waveform import excitation_of
+from piezo_ros.experiment.roles import recorded_node
 from piezo_ros.identification import Amplifier, FrequencyResponse, frequency_response
 from piezo_ros.identification.frequency_response import ExcludedPoint
 from piezo_ros.model import (
@@ -37,7 +38,7 @@ _Set = TypeVar('_Set', bound=ParameterSet)
 _NOT_RECORDED: Final = 'the record does not hold it as a whole'
 
 
-def recorded_parameters(run: Run, node: str, parameter_set: type[_Set]) -> _Set:
+def recorded_parameters(run: Run, role: str, parameter_set: type[_Set]) -> _Set:
     """
     Return the parameters that a node had in a run.
 
@@ -45,29 +46,21 @@ def recorded_parameters(run: Run, node: str, parameter_set: type[_Set]) -> _Set:
     ----------
     run : Run
         The run.
-    node : str
-        Node name without namespace.
+    role : str
+        What the node is: one of `NODE_PARAMETERS`, whatever its name.
     parameter_set : type of ParameterSet
         Which of its parameters.
 
     Raises
     ------
     BagError
-        If the bag does not hold the parameters of the node.
+        If the bag does not hold the parameters of the node, or tells of several.
 
     """
-    values = _values(run, node)
+    values = recorded_node(run, role, anywhere=True)
     if values is None:
-        raise BagError(f'{run.path} does not hold the parameters of {node}')
+        raise BagError(f'{run.path} does not hold the parameters of {role}')
     return parameter_set.among(values)
-
-
-def _values(run: Run, node: str) -> dict[str, Any] | None:
-    """Return what the bag says of a node of the rig; of the only such node, wherever it was."""
-    own = run.parameters.get(f'{run.namespace.rstrip("/")}/{node}')
-    others = [
-        values for name, values in run.parameters.items() if name.rpartition('/')[2] == node]
-    return own if own is not None else others[0] if len(others) == 1 else None
 
 
 def recorded_response(
@@ -111,7 +104,7 @@ def recorded_response(
 
     """
     if trajectory is None:
-        if _values(run, 'trajectory') is None:
+        if recorded_node(run, 'trajectory', anywhere=True) is None:
             raise BagError(
                 f'{run.path} does not say which trajectory was played, which must be told '
                 '(piezo identify: --trajectory FILE)')
@@ -158,7 +151,7 @@ def _windows(run: Run, windows: tuple[Window, ...]) -> tuple[list[Window], list[
 
 
 def _amplifier(run: Run, slew_limit_v_per_s: float | None) -> Amplifier:
-    if _values(run, 'plant') is None:
+    if recorded_node(run, 'plant', anywhere=True) is None:
         return Amplifier(slew_limit_v_per_s or math.inf)
     plant = recorded_parameters(run, 'plant', RigParameters)
     return Amplifier(

@@ -58,15 +58,45 @@ def launch_page() -> str:
     lines = [
         '# Launch files', '', _PRINTED, '',
         '`ros2 launch piezo_ros FILE --show-args` tells the same. Each takes all nodes into one',
-        '`namespace` and ends as soon as the recorder has closed its bag, or a node has failed.',
+        '`namespace`. They end as soon as the recorder has closed its bag, or one of them has',
+        'failed, which the log says; the launch is over when nothing of it is left.',
         'The nodes find each other themselves: none sends before its peers are there, so the order',
         'in which they start does not matter. With `autostart:=false` they stay unconfigured, for',
         'a lifecycle manager or `ros2 lifecycle set`.',
-        'Parameter files are by default those in `config/`.']
+        'Parameter files are by default those in `config/`.', '', *_INCLUDED]
     for file, arguments in LAUNCH_FILES.items():
         lines += ['', f'## {file}', '', *_launch_table(arguments)]
     return '\n'.join([*lines, ''])
 
+
+_INCLUDED: Final = """\
+## Include a rig in your own launch file
+
+[examples/two_rigs.launch.py](examples/two_rigs.launch.py) has two rigs, the second one with other
+names for its plant and one of its streams:
+
+    GroupAction([
+        PushROSNamespace('two'),
+        SetRemap('plant:__node', 'stage'),
+        SetRemap('displacement', 'position'),
+        IncludeLaunchDescription(
+            PathJoinSubstitution([FindPackageShare('piezo_ros'), 'launch', 'scan.launch.py']),
+            launch_arguments={'record': 'true', 'bag_directory': 'two'}.items())])
+
+* A rig that ends, well or not, ends its own nodes and nothing else. With `ends:=launch` it ends the
+  whole launch.
+* Put each include into a `GroupAction`. An argument that an include gives is set for all that
+  follows in the same scope: without the group the next include has it too, where it does not give
+  another. The log says for each rig what was not the default. What an included file only declares
+  does not get out of it.
+* `namespace` goes into what `PushROSNamespace` has pushed, unless it begins with a slash.
+* `SetRemap` gives streams other names, in all nodes of the group, so that they still meet.
+  `SetRemap('plant:__node', 'stage')` gives a node another name, under `composed` too; rules for it
+  alone then name it by the new one: `SetRemap('stage:status', 'stage_status')`.
+* `SetParameter` counts for every node of the group that has such a parameter, and more than
+  arguments and files.
+* From SIGINT to SIGTERM a node has 10 s, or what `sigterm_timeout` says.
+""".splitlines()
 
 PAGES: Final = {'parameters.md': parameter_page, 'launch.md': launch_page}
 

@@ -31,6 +31,7 @@ from piezo_ros.control import ClosedLoopRun, ControllerParameters, TrajectoryPar
 from piezo_ros.control.changes import Change, parse_changes, segments, without
 from piezo_ros.control.trajectory import trajectory_blocks
 from piezo_ros.experiment.replay_loop import run_loop
+from piezo_ros.experiment.roles import recorded_node
 from piezo_ros.model import HysteresisParameters, ParameterError, ParameterSet, RigParameters
 
 __all__ = ['ReplayResult', 'replay']
@@ -118,8 +119,8 @@ def replay(
     Raises
     ------
     BagError
-        If the bag does not begin with the run, lacks the reference, or tells nothing of a stage
-        that is not given.
+        If the bag does not begin with the run, lacks the reference, tells nothing of a stage that
+        is not given, or of several nodes with the same role.
     ParameterError
         If a parameter of the bag or the scheme is out of range.
 
@@ -179,8 +180,7 @@ class _Recorded:
 
     def parameters(self, stage: str) -> dict[str, Any] | None:
         """Return what the bag tells of a stage in the namespace of the run."""
-        name = f'{self._run.namespace.rstrip("/")}/{stage}'
-        return self._run.parameters.get(name)
+        return recorded_node(self._run, stage)
 
     def stage(self, stage: str, kind: type[_Set]) -> _Set | None:
         """Return a stage, defaults for what the bag lacks; None if it tells nothing of it."""

@@ -119,7 +119,7 @@ def study_record(results: PaperResults, bags: dict[str, str]) -> dict[str, Any]:
     }
 
 
-def held_out(results: PaperResults) -> np.ndarray[Any, np.dtype[np.bool_]]:
+def held_out(results: PaperResults) -> NDArray[np.bool_]:
     """Return which conditions the calibration of the rig never saw, shape (conditions,)."""
     return np.array([amplitude_um in HELD_OUT_ROWS_UM for amplitude_um, _ in results.cells])
 

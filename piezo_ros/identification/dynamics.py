@@ -338,8 +338,8 @@ class _Problem(NamedTuple):
         period = points.sample_period_s * reference
         slowest = math.log(1e-2 * float(omega.min()) / reference)
         sections = shape.first_order + shape.second_order
-        numerator = np.full(shape.numerator_order + 1, np.inf)
-        low_numerator = -numerator
+        numerator: NDArray[np.float64] = np.full(shape.numerator_order + 1, np.inf)
+        low_numerator: NDArray[np.float64] = -numerator
         if positive:  # (6) has k > 0 and b2 > 0, and its zeros are no faster than its poles
             gain = float(np.abs(points.response).max())
             numerator = gain * np.array([1e3, 1e2, 1e4])

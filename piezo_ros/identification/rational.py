@@ -151,7 +151,8 @@ def sampled_response(
     count = _ALIASES.get(_relative_degree(sections), _ALIASES_ELSE)
     alias = np.arange(-count, count + 1) * (2.0 * np.pi / sample_period)
     s = 1j * (angular_frequency[:, None] + alias)
-    hold = -np.expm1(-1j * angular_frequency * sample_period) / sample_period
+    turned: NDArray[np.complex128] = -np.expm1(-1j * angular_frequency * sample_period)
+    hold = turned / sample_period
     value, derivatives = response(sections, s)
     sums = [(part / s).sum(axis=1) for part in (value, *derivatives)]
     if _relative_degree(sections) == 1:

@@ -86,7 +86,8 @@ class SpectralTracking:
     @property
     def error_um(self) -> _Floats:
         """Amplitude of the error at each harmonic, both parts of unrelated phase, shape (K,)."""
-        return np.hypot(np.abs(self.known_error_um), self.uncertain_error_um)
+        error: _Floats = np.hypot(np.abs(self.known_error_um), self.uncertain_error_um)
+        return error
 
     @property
     def nrmse_percent(self) -> float:
@@ -197,7 +198,7 @@ def spectral_tracking(
     elif controller.scheme == 'open_loop':
         command = amplitude.astype(np.complex128)
     output = plant * command
-    uncertain = np.zeros(order.size)
+    uncertain: _Floats = np.zeros(order.size)
     if uncertainty is not None:
         uncertain = np.abs(sensitivity * output) * bound_magnitude(uncertainty, frequency)
     square = _mean_square(trajectory)

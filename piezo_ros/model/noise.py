@@ -78,7 +78,7 @@ class NoiseSource:
         self._chunk = _Chunks(seed)
         self._start = 0
         self._values: list[float] = []
-        self._window = (0, np.empty(0))
+        self._window: tuple[int, NDArray[np.float64]] = (0, np.empty(0))
 
     def __call__(self, index: int) -> float:
         """Return the noise of one sample."""

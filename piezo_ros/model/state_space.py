@@ -196,5 +196,4 @@ def _exponential(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the exponential of a matrix."""
     # Here, for it takes a fifth of the memory of a node, and most nodes discretise nothing.
     from scipy.linalg import expm
-    exponential: NDArray[np.float64] = expm(matrix)
-    return exponential
+    return np.asarray(expm(matrix), dtype=np.float64)

@@ -403,10 +403,12 @@ class Controller(Stage):
                 self._command.end()
                 return True
             if self._displacement.ended:
-                # The plant ends first only for a fault of its own or upstream of it.
-                raise StreamFault(
+                # The plant ends first only because it was stopped, or for a fault, its own or
+                # upstream of it: whose it is says so.
+                self.stop(
                     f'{self._displacement.subscription.topic_name} ended at sample '
-                    f'{self._displacement.next_index}, before the trajectory')
+                    f'{self._displacement.next_index}, before the trajectory', by_peer=True)
+                return True
             return False
         progress = self._displacement.fill()
         self._displacement.queue.clear()

@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING
 from std_msgs.msg import UInt64
 
 from piezo_ros.nodes.qos import LATCHED
+from piezo_ros.nodes.running_time import RunningTime
 from piezo_ros.nodes.streams import StreamFault
 
 if TYPE_CHECKING:
@@ -94,7 +95,7 @@ class DemandReader:
         """Begin a run."""
         self.limit = 0
         self.ended = False
-        self._lost_at_s: float | None = None
+        self._lost: RunningTime | None = None  # since when there has been nobody
 
     @property
     def topic_name(self) -> str:
@@ -116,7 +117,7 @@ class DemandReader:
         self.limit = max(self.limit, taken[0].data)
         return True
 
-    def check_writer(self, now_s: float, timeout_s: float) -> None:
+    def check_writer(self, timeout_s: float) -> None:
         """
         Look whether there is still somebody who demands.
 
@@ -127,8 +128,8 @@ class DemandReader:
 
         """
         if self.writers:
-            self._lost_at_s = None
-        elif self._lost_at_s is None:
-            self._lost_at_s = now_s
-        elif now_s - self._lost_at_s > timeout_s:
+            self._lost = None
+        elif self._lost is None:
+            self._lost = RunningTime()
+        elif self._lost.elapsed_s() > timeout_s:
             raise StreamFault(f'{self.topic_name} lost its writer')

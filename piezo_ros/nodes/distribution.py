@@ -16,19 +16,14 @@
 
 import os
 from importlib import import_module, metadata
+from pathlib import Path
 from typing import Any, Final
 
-__all__ = ['PROFILES', 'make_events_executor', 'name_of_distribution']
+__all__ = ['make_events_executor', 'name_of_distribution', 'profiles_of_fastdds']
 
 # rclpy's major version -> the distribution whose it is.
 _DISTRIBUTIONS: Final = {'7': 'jazzy', '9': 'kilted'}
 
-# Where Fast DDS looks for its profiles -> what it finds there: Fast DDS 3, and Fast DDS 2 of Jazzy,
-# which spells some settings otherwise. Neither looks for the other's.
-PROFILES: Final = {
-    'FASTDDS_DEFAULT_PROFILES_FILE': 'fastdds3.xml',
-    'FASTRTPS_DEFAULT_PROFILES_FILE': 'fastdds2.xml',
-}
 
 
 def name_of_distribution() -> str:
@@ -45,6 +40,20 @@ def name_of_distribution() -> str:
     except metadata.PackageNotFoundError:
         return 'unknown'
     return _DISTRIBUTIONS.get(version.partition('.')[0], 'unknown')
+
+
+def profiles_of_fastdds() -> tuple[str, Path]:
+    """
+    Return the variable in which Fast DDS looks for its profiles, and the file of ours.
+
+    Jazzy has Fast DDS 2, which spells some settings otherwise. Fast DDS 3 warns of the variable of
+    Fast DDS 2.
+    """
+    if name_of_distribution() == 'jazzy':
+        variable, name = 'FASTRTPS_DEFAULT_PROFILES_FILE', 'fastdds2.xml'
+    else:
+        variable, name = 'FASTDDS_DEFAULT_PROFILES_FILE', 'fastdds3.xml'
+    return variable, Path(__file__).with_name(name)
 
 
 def make_events_executor() -> Any:

@@ -39,10 +39,15 @@ _LOOP = ('compensator', 'controller', 'plant', 'trajectory')
 
 def _run(*names: str) -> int:
     # Until the host takes over, a signal simply ends the process, without a traceback.
-    signal.signal(signal.SIGINT, lambda *_: sys.exit(1))
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))
+    signal.signal(signal.SIGINT, _end_start)
+    signal.signal(signal.SIGTERM, _end_start)
     _follow_parent()
     from importlib import import_module
+
+    from piezo_ros.nodes.usage import answer_usage
+    code = answer_usage(names, sys.argv)
+    if code is not None:
+        return code
 
     from piezo_ros.nodes.host import host
 
@@ -54,6 +59,11 @@ def _run(*names: str) -> int:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
     return code
+
+
+def _end_start(number: int, _frame: object) -> None:
+    print(f'ended by {signal.Signals(number).name} while it started', file=sys.stderr)
+    sys.exit(0)
 
 
 def _follow_parent() -> None:

@@ -32,10 +32,10 @@ from std_msgs.msg import String
 from piezo_ros.experiment.campaign import RunResult
 from piezo_ros.experiment.errors import CampaignError
 from piezo_ros.experiment.plan import PlannedRun
-from piezo_ros.nodes.demand import NO_MORE
 from piezo_ros.nodes.process_group import POLL_S, ProcessGroup
 from piezo_ros.nodes.rescue import rescue
 from piezo_ros.nodes.run_parameters import run_parameters
+from piezo_ros.nodes.running_time import RunningTime
 from piezo_ros.nodes.supervisor import Supervisor, stopped_by
 
 __all__ = ['GraphRunner']
@@ -179,7 +179,7 @@ class _LiveRun:
         self.planned = planned
         self.statuses: dict[str, dict[str, Any]] = {}
         self.processes = ProcessGroup()
-        self._recorded_s = 0.0
+        self._recorded: RunningTime | None = None  # since all is recorded
         self._stopped_early: dict[str, str] = {}
         self._faults_before_stop: list[str] = []
 
@@ -194,8 +194,8 @@ class _LiveRun:
         if not recorded:
             return False
         # The last statuses may be on their way, or their writers not discovered yet.
-        self._recorded_s = self._recorded_s or time.monotonic()
-        return time.monotonic() - self._recorded_s > _LAST_STATUS_S
+        self._recorded = self._recorded or RunningTime()
+        return self._recorded.elapsed_s() > _LAST_STATUS_S
 
     @property
     def wall_seconds(self) -> float:
@@ -207,8 +207,8 @@ class _LiveRun:
         self._faults_before_stop = self._faults()
         self._stopped_early = {
             name: status['reason'] for name, status in self.statuses.items()
-            # Whoever stops demanding has said why.
-            if status['state'] == 'stopped' and status['reason'] != NO_MORE}
+            # Whoever has made others stop says why.
+            if status['state'] == 'stopped' and not status['by_peer']}
         self.processes.stop()
 
     def problems(self, *, stopped: bool) -> list[str]:
@@ -228,6 +228,16 @@ class _LiveRun:
             if not stopped or faults:
                 reason = self.statuses.get(name, {}).get('reason', '')
                 return [f'{name} failed' + (f': {reason}' if reason else ''), *faults]
+        return [] if stopped else self._cut_short()
+
+    def _cut_short(self) -> list[str]:
+        """Return what shows that the run is not whole although nobody says why."""
+        for status in self.statuses.values():
+            if status['state'] == 'stopped':
+                return [f'{status["node"]} was stopped: {status["reason"]}']
+        plant, samples = self.statuses.get('plant', {}), self.planned.trajectory.samples
+        if plant and plant['index'] < samples:
+            return [f'the run ended after {plant["index"]} of {samples} samples']
         return []
 
     def _faults(self) -> list[str]:

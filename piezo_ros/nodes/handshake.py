@@ -18,6 +18,8 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+from piezo_ros.nodes.running_time import RunningTime
+
 if TYPE_CHECKING:
     from piezo_ros.nodes.stage import Stage
 
@@ -42,28 +44,27 @@ def await_peers(stage: 'Stage') -> str:
         '' once all are there, else what is missing after ``handshake_timeout_s``.
 
     """
-    began_s = time.monotonic()
+    waited = RunningTime()
     if stage.subscribes_late and not stage.readers:
-        problem = _wait_while(stage, began_s, lambda: _unknown_writer(stage))
+        problem = _wait_while(stage, waited, lambda: _unknown_writer(stage))
         if problem:
             return problem
         stage.create_readers()
     return _wait_while(
-        stage, began_s,
+        stage, waited,
         lambda: _missing_writer(stage) or _missing_reader(stage) or stage.missing_peers())
 
 
-def _wait_while(stage: 'Stage', began_s: float, look: Callable[[], str]) -> str:
+def _wait_while(stage: 'Stage', waited: RunningTime, look: Callable[[], str]) -> str:
     """Wait while something is missing; return what it is in the end, '' for nothing."""
-    deadline_s = began_s + stage.settings.handshake_timeout_s
-    tell_at_s = began_s + _TELL_WAITING_S
+    tell_at_s = waited.elapsed_s() + _TELL_WAITING_S
     while problem := look():
-        if stage.stop_requested:
+        if stage.given_up:
             return 'stopped while waiting for the peers'
-        now_s = time.monotonic()
-        if now_s > deadline_s:
+        waited_s = waited.elapsed_s()
+        if waited_s > stage.settings.handshake_timeout_s:
             return f'{problem} after {stage.settings.handshake_timeout_s:g} s'
-        if now_s > tell_at_s:
+        if waited_s > tell_at_s:
             tell_at_s += _TELL_WAITING_S
             stage.get_logger().info(f'waiting: {problem}')
         time.sleep(_LOOK_S)

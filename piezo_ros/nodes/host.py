@@ -20,6 +20,7 @@ import signal
 import sys
 import threading
 import time
+import traceback
 import warnings
 from collections.abc import Callable, Sequence
 from types import FrameType
@@ -27,6 +28,7 @@ from typing import Any
 
 import rclpy
 from rclpy.exceptions import ParameterException
+from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.signals import SignalHandlerOptions
 
@@ -36,11 +38,13 @@ from piezo_ros.nodes.executables import PARENT_VARIABLE
 from piezo_ros.nodes.leaving import exit_after
 from piezo_ros.nodes.library_pages import give_back_code
 from piezo_ros.nodes.middleware import set_middleware_defaults
+from piezo_ros.nodes.running_time import RunningTime
 from piezo_ros.nodes.stage import Stage
 
 __all__ = ['host']
 
 _HOUSEKEEPING_S = 0.05
+_SPIN_S = 0.5  # between two looks whether the process ends
 _TURNS = 64  # of the stages in which others wait, between two looks at all the rest
 _TURNS_ALONE = 16  # the same of one such stage alone in its process
 _LOOKS_ALONE = 64  # in each of these for a message, yielding in between
@@ -49,13 +53,22 @@ _YIELD_S = 0.02  # how long an empty loop only yields before it sleeps
 _SHORT_SLEEP_S = 0.001
 _LONGEST_SLEEP_S = 0.01
 _SHARE_SLEPT = 0.2  # of the time without input at once, by whom nobody waits for
-# How long the readers, of which one may be dead, have for the last messages; a launch file gives a
-# process 5 s to end after Ctrl-C.
-_ACKNOWLEDGE_S = 4.0
+# How long the readers have for the last messages: one may be held up, or dead, which is known of
+# who was killed only after 20 s. A launch file gives a process 5 s to end after Ctrl-C.
+_ACKNOWLEDGE_S = 20.0
+_ACKNOWLEDGE_IN_HASTE_S = 4.0
 _DISCOVER_S = 1.0  # how long a supervisor has to discover a process that it ends so soon
 _CLOSE_S = 1.0  # how long a service that is being answered may take to its end
 _LEAVE_S = 4.0  # how long the middleware may take to let the process go
 _FLOW = ('controller', 'compensator', 'plant')
+
+
+class _StartInterrupted(BaseException):
+    """
+    The process was asked to end while a stage was getting ready.
+
+    No `Exception`, so that nobody on the way who catches these takes it for his own.
+    """
 
 
 class _Stop:
@@ -63,6 +76,7 @@ class _Stop:
 
     def __init__(self) -> None:
         self.signal_number = 0
+        self.is_wanted = False  # that no run begins
         self.wake = threading.Event()
         self.stages: list[Stage] = []
 
@@ -70,9 +84,12 @@ class _Stop:
         self.signal_number = signal_number
         for stage in self.stages:
             stage.stop_requested = True
+            stage.give_up_activation()
+        if any(stage.starting for stage in self.stages):
+            raise _StartInterrupted
 
 
-def host(make_stages: Callable[[], Sequence[Stage]], arguments: list[str] | None = None) -> int:
+def host(make_stages: Callable[[], Sequence[Stage]]) -> int:
     """
     Run stages until their runs are over or the process is asked to end.
 
@@ -80,13 +97,12 @@ def host(make_stages: Callable[[], Sequence[Stage]], arguments: list[str] | None
     ----------
     make_stages : callable
         Makes the stages once rclpy is there, in the order of bring-up (readers first).
-    arguments : list of str, optional
-        Command line, ``sys.argv`` by default.
 
     Returns
     -------
     int
-        Exit code: 0 for a run that ended well, 1 for any other.
+        Exit code: 0 for a run that ended well or because somebody wanted it to end, 1 for a fault
+        and for a run that could not begin.
 
     """
     stop = _Stop()
@@ -96,9 +112,7 @@ def host(make_stages: Callable[[], Sequence[Stage]], arguments: list[str] | None
     # Of a client that this process has not discovered yet; it hears nothing and asks again.
     warnings.filterwarnings('ignore', 'failed to send response', RuntimeWarning)
     try:
-        rclpy.init(
-            args=sys.argv if arguments is None else arguments,
-            signal_handler_options=SignalHandlerOptions.NO)
+        rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
     except RuntimeError as error:
         # No such parameter file, or arguments that ROS does not understand.
         print(error, file=sys.stderr)
@@ -116,8 +130,8 @@ def _serve(make_stages: Callable[[], Sequence[Stage]], stop: _Stop) -> int:
     executor = make_events_executor()
     try:
         stages = list(make_stages())
-    except ParameterException as error:
-        # Names the parameter, its value and the range.
+    except (ParameterException, ValueError) as error:
+        # Names the parameter, its value and the range, or the file.
         print(error, file=sys.stderr)
         return 1
     stop.stages = stages
@@ -129,36 +143,68 @@ def _serve(make_stages: Callable[[], Sequence[Stage]], stop: _Stop) -> int:
 
     def serve_services() -> None:
         while not closing.is_set():
-            executor.spin_once(0.5)
+            try:
+                executor.spin_once(_SPIN_S)
+            except Exception:  # Whatever rclpy raises, the services go on.
+                stages[0].get_logger().error(traceback.format_exc(), throttle_duration_sec=10.0)
+                closing.wait(_HOUSEKEEPING_S)
 
     thread = threading.Thread(target=serve_services, name='executor', daemon=True)
     thread.start()
+    for stage in stages:
+        stage.transitions.start()
     code = 1
     try:
-        started = _bring_up(stages, stop)
-        if started:
-            give_back_code()  # before the first sample, for it takes as long as many of them
-            _stream_loop(stages, stop)
-        cut_short = False
+        started = _run(stages, stop)
         for stage in stages:
-            stopped = stage.starts_itself and stage.result == 'stopped'
-            cut_short = stage.running or stopped or cut_short
-            stage.stop(
-                signal.Signals(stop.signal_number).name if stop.signal_number
-                else 'another stage of this process ended')
-        now = time.monotonic()
-        supervised = PARENT_VARIABLE in os.environ
-        for stage in stages:
-            stage.await_acknowledgements(
-                now + _ACKNOWLEDGE_S, now + _DISCOVER_S if supervised else now)
+            _end(stage, stop)
         failed = not started or any(stage.failed for stage in stages)
-        code = 1 if failed or cut_short else 0
+        _say_farewell(stages, stop, failed=failed)
+        code = 1 if failed else 0
     finally:
         exit_after(_LEAVE_S, code)
         closing.set()
         executor.wake()
         _take_down(stages, executor, thread)
     return code
+
+
+def _run(stages: Sequence[Stage], stop: _Stop) -> bool:
+    """Bring the stages up and serve them to their end; return whether they began or need not."""
+    try:
+        if not _bring_up(stages, stop):
+            return stop.is_wanted
+        give_back_code()  # before the first sample, for it takes as long as many of them
+        _stream_loop(stages, stop)
+    except _StartInterrupted:
+        pass
+    return True
+
+
+def _say_farewell(stages: Sequence[Stage], stop: _Stop, *, failed: bool) -> None:
+    """Wait until the readers have the last messages, of which one may be dead or held up."""
+    waited = RunningTime()
+    if PARENT_VARIABLE in os.environ:
+        for stage in stages:
+            stage.await_supervisor(lambda: waited.elapsed_s() < _DISCOVER_S)
+
+    def has_time() -> bool:
+        in_haste = failed or stop.signal_number
+        return waited.elapsed_s() < (_ACKNOWLEDGE_IN_HASTE_S if in_haste else _ACKNOWLEDGE_S)
+
+    for stage in stages:
+        stage.await_acknowledgements(has_time)
+
+
+def _end(stage: Stage, stop: _Stop) -> None:
+    """End the run of a stage, if there is one, and say why the process ends."""
+    if stop.signal_number:
+        why = signal.Signals(stop.signal_number).name
+        if not stage.running:
+            stage.get_logger().info(f'ends because of {why}; no run was going on')
+    else:
+        why = 'another stage of this process ended'
+    stage.stop(why)
 
 
 def _take_down(stages: Sequence[Stage], executor: Any, thread: threading.Thread) -> None:
@@ -169,6 +215,11 @@ def _take_down(stages: Sequence[Stage], executor: Any, thread: threading.Thread)
         for stage in stages:
             stage.serve_request()
         thread.join(0.01)
+    while not all(stage.transitions.close() for stage in stages):
+        for stage in stages:
+            stage.serve_request()
+        if time.monotonic() > deadline:
+            break
     # Before the nodes go: it has callbacks with the middleware on what they own.
     executor.shutdown(_CLOSE_S)
     for stage in stages:
@@ -180,11 +231,24 @@ def _bring_up(stages: Sequence[Stage], stop: _Stop) -> bool:
     own = [stage for stage in stages if stage.starts_itself]
     for transition in ('trigger_configure', 'trigger_activate'):
         for stage in own:
-            if stop.signal_number:
-                return False
-            if getattr(stage, transition)() != TransitionCallbackReturn.SUCCESS:
+            if stop.signal_number or not _trigger(stage, transition):
+                stop.is_wanted = bool(stop.signal_number) or stage.was_given_up
                 return False
     return True
+
+
+def _trigger(stage: Stage, transition: str) -> bool:
+    """Lead a stage through a transition, which a manager may do at the same time."""
+    while not stage.transitions.lock.acquire(timeout=_SHORT_SLEEP_S):
+        stage.serve_request()
+    try:
+        return bool(getattr(stage, transition)() == TransitionCallbackReturn.SUCCESS)
+    except _rclpy.RCLError as error:
+        # A manager has led the stage elsewhere.
+        stage.get_logger().error(f'{transition}: {error}')
+        return False
+    finally:
+        stage.transitions.lock.release()
 
 
 def _stream_loop(stages: Sequence[Stage], stop: _Stop) -> None:
@@ -284,7 +348,7 @@ def _turns(
 
 
 def _place_in_flow(stage: Stage) -> int:
-    return _FLOW.index(stage.get_name()) if stage.get_name() in _FLOW else len(_FLOW)
+    return _FLOW.index(stage.role) if stage.role in _FLOW else len(_FLOW)
 
 
 def _all_over(stages: Sequence[Stage], idle_s: float) -> bool:

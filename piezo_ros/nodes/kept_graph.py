@@ -22,8 +22,7 @@ nodes are led through their lifecycle by its services, as any manager of ROS wou
 import json
 import math
 import signal
-import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -37,17 +36,17 @@ from std_msgs.msg import String
 from piezo_ros.experiment.campaign import RunResult
 from piezo_ros.experiment.errors import CampaignError
 from piezo_ros.experiment.plan import PlannedRun
-from piezo_ros.nodes.demand import NO_MORE
 from piezo_ros.nodes.process_group import POLL_S, ProcessGroup
 from piezo_ros.nodes.rescue import rescue
 from piezo_ros.nodes.run_parameters import run_parameters
+from piezo_ros.nodes.running_time import RunningTime
 from piezo_ros.nodes.supervisor import Supervisor, stopped_by
 
 __all__ = ['KeptGraph']
 
 _START_S: Final = 30.0
-_SERVICE_S: Final = 60.0
 _ASK_AGAIN_S: Final = 1.0
+_ATTEMPTS: Final = 60
 _LAST_STATUS_S: Final = 5.0  # of the plant, once another node has ended the run
 # Transition -> the state that it leads to.
 _TARGETS: Final = {
@@ -149,14 +148,18 @@ class KeptGraph(Supervisor):
             # The voltage at its end is worth waiting for.
             self._spin_until(
                 lambda: self._state_of('plant') != 'active', timeout_s=_LAST_STATUS_S)
-            reasons = {node: self._statuses[node]['reason'] for node in cut_short()}
-            raise CampaignError('; '.join(
-                f'{node}: {reason}' for node, reason in reasons.items() if reason != NO_MORE))
+            raise CampaignError('; '.join(self._reasons(cut_short())))
         plant = dict(self._statuses['plant'])
         for transition in (Transition.TRANSITION_DEACTIVATE, Transition.TRANSITION_CLEANUP):
             for node in nodes:
                 self._change_state(node, transition)
         return RunResult(float(plant['elapsed_s']))
+
+    def _reasons(self, nodes: Sequence[str]) -> list[str]:
+        """Return why runs were cut short; of who only followed a peer, if that says nothing."""
+        statuses = [self._statuses[node] for node in nodes]
+        own = [status for status in statuses if not status['by_peer']]
+        return [f'{status["node"]}: {status["reason"]}' for status in own or statuses]
 
     def _state_of(self, node: str) -> str:
         return str(self._statuses.get(node, {}).get('state', ''))
@@ -172,16 +175,16 @@ class KeptGraph(Supervisor):
         """Lead a node through a transition, also where its answer gets lost."""
         client = self._client(node, 'change_state', ChangeState)
         future = client.call_async(ChangeState.Request(transition=Transition(id=transition)))
-        deadline = time.monotonic() + _SERVICE_S
-        while not future.done():
-            if time.monotonic() > deadline:
-                raise CampaignError(
-                    f'waited {_SERVICE_S:g} s for transition {transition} of {node}')
+        for _ in range(_ATTEMPTS):
             self._spin_until(future.done, timeout_s=_ASK_AGAIN_S)
-            if not future.done():
-                state = self._ask(node, 'get_state', GetState, GetState.Request())
-                if state.current_state.id == _TARGETS[transition]:
-                    return
+            if future.done():
+                break
+            state = self._ask(node, 'get_state', GetState, GetState.Request())
+            if state.current_state.id == _TARGETS[transition]:
+                return
+        else:
+            raise CampaignError(
+                f'waited {_ATTEMPTS * _ASK_AGAIN_S:g} s for transition {transition} of {node}')
         if not future.result().success:
             self._spin_until(lambda: False, timeout_s=0.2)
             reason = self._statuses.get(node, {}).get('reason', '')
@@ -190,15 +193,14 @@ class KeptGraph(Supervisor):
     def _ask(self, node: str, service: str, service_type: Any, request: Any) -> Any:
         """Call a service that may be called twice, until it answers."""
         client = self._client(node, service, service_type)
-        deadline = time.monotonic() + _SERVICE_S
         # A server that has not discovered its client throws the answer away: ask again.
-        while time.monotonic() < deadline:
+        for _ in range(_ATTEMPTS):
             future = client.call_async(request)
             self._spin_until(future.done, timeout_s=_ASK_AGAIN_S)
             if future.done():
                 return future.result()
             client.remove_pending_request(future)
-        raise CampaignError(f'waited {_SERVICE_S:g} s for {node} to answer {service}')
+        raise CampaignError(f'{node} has not answered {service}, asked {_ATTEMPTS} times')
 
     def _client(self, node: str, service: str, service_type: Any) -> Any:
         key = (node, service)
@@ -206,9 +208,7 @@ class KeptGraph(Supervisor):
             self._clients[key] = self._node.create_client(
                 service_type, f'{self._namespace}/{node}/{service}')
         client = self._clients[key]
-        deadline = time.monotonic() + _START_S
-        self._spin_until(
-            lambda: client.service_is_ready() or time.monotonic() > deadline)
+        self._spin_until(client.service_is_ready, timeout_s=_START_S)
         if not client.service_is_ready():
             raise CampaignError(f'waited {_START_S:g} s for {node} to be up')
         return client
@@ -217,8 +217,8 @@ class KeptGraph(Supervisor):
         self, condition: Callable[[], bool], *, timeout_s: float = math.inf,
     ) -> None:
         """Serve status and answers until a condition holds or the time is over."""
-        deadline = time.monotonic() + timeout_s
-        while not condition() and time.monotonic() < deadline:
+        waited = RunningTime()
+        while not condition() and waited.elapsed_s() < timeout_s:
             if self._stop_signal:
                 raise CampaignError(stopped_by(self._stop_signal))
             if self._processes.dead():

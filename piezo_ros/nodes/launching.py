@@ -17,17 +17,28 @@
 from pathlib import Path
 from typing import Any
 
-from launch.actions import DeclareLaunchArgument, EmitEvent, OpaqueFunction
+from launch.actions import DeclareLaunchArgument, EmitEvent, GroupAction, OpaqueFunction
 from launch.events import Shutdown
+from launch.events.process import ProcessExited, ShutdownProcess
 from launch.launch_context import LaunchContext
 from launch.launch_description import LaunchDescription
+from launch.logging import get_logger
+from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
-from piezo_ros.experiment.launching import LAUNCH_FILES, node_processes
+from piezo_ros.experiment.launching import (
+    LAUNCH_FILES,
+    given_arguments,
+    node_processes,
+    reason_to_end,
+)
 
 __all__ = ['describe']
 
 PACKAGE = 'piezo_ros'
+# From SIGINT to SIGTERM, where nobody has set sigterm_timeout. Those whose reader was killed wait
+# some seconds for its acknowledgements, which is longer than the 5 s that launch gives by itself.
+_TIME_TO_END_S = '10'
 
 
 def describe(launch_file: Path) -> LaunchDescription:
@@ -45,29 +56,71 @@ def describe(launch_file: Path) -> LaunchDescription:
 
     def start(context: LaunchContext) -> list[Any]:
         values = {name: context.launch_configurations[name] for name, *_ in arguments}
+        rig = _Rig(ends_launch=values['ends'] == 'launch')
         # Each node waits for its peers before the first sample, in whatever order they come up.
-        return [
+        rig.nodes = [
             Node(
                 package=PACKAGE, executable=process.executable, output='screen',
-                ros_arguments=list(process.ros_arguments), on_exit=_on_exit(process.executable))
+                namespace=process.namespace or None, remappings=list(process.remappings),
+                ros_arguments=list(process.ros_arguments), on_exit=rig.one_has_ended,
+                sigterm_timeout=LaunchConfiguration('sigterm_timeout', default=_TIME_TO_END_S))
             for process in node_processes(launch_file.name, values)]
 
-    return LaunchDescription([
+        def tell(_context: LaunchContext) -> None:
+            given = given_arguments(launch_file.name, values) or 'defaults alone'
+            get_logger(PACKAGE).info(f'{launch_file.name} in {rig.namespace}: {given}')
+
+        return [*rig.nodes, OpaqueFunction(function=tell)]
+
+    # A scope of its own: else what is declared here would be the default of whatever launch file
+    # is included next and has an argument of the same name.
+    return LaunchDescription([GroupAction([
         *(DeclareLaunchArgument(
             argument.name, description=argument.description,
             choices=argument.choices or None,
             default_value=str(config / argument.default)
             if argument.name.endswith('_file') else argument.default)
           for argument in arguments),
-        OpaqueFunction(function=start)])
+        OpaqueFunction(function=start)])])
 
 
-def _on_exit(executable: str) -> Any:
-    """Return a handler that ends the launch with its recorder, or with whoever failed."""
-    def ended(event: Any, _context: LaunchContext) -> Any:
-        if executable == 'recorder' or event.returncode:
-            how = f'ended with exit code {event.returncode}' if event.returncode else 'is done'
-            return EmitEvent(event=Shutdown(reason=f'{executable} {how}'))
-        return None
+class _Rig:
+    """
+    The processes that one launch file has started, and that end together.
 
-    return ended
+    Nothing else of the launch ends with them unless that is wanted: a launch is over once nothing
+    of it is left, so that a launch file that stands alone is over with its rig all the same.
+
+    Parameters
+    ----------
+    ends_launch : bool
+        Whether the whole launch ends with the rig.
+
+    """
+
+    def __init__(self, *, ends_launch: bool) -> None:
+        self.nodes: list[Node] = []
+        self._ends_launch = ends_launch
+        self._is_ending = False
+
+    @property
+    def namespace(self) -> str:
+        """Where its nodes are, once they are started."""
+        namespaces = [str(node.expanded_node_namespace) for node in self.nodes]
+        # Without any namespace launch_ros has a text there that says so.
+        return namespaces[0] if namespaces and namespaces[0].startswith('/') else '/'
+
+    def one_has_ended(self, event: ProcessExited, context: LaunchContext) -> Any:
+        """Return what ends the others, if they shall."""
+        reason = reason_to_end(event.action.node_executable, event.returncode)
+        # Who ends because it was told to, by us or by the end of the launch, is no reason.
+        if not reason or self._is_ending or context.is_shutdown:
+            return None
+        self._is_ending = True
+        logger = get_logger(PACKAGE)
+        what = 'the launch' if self._ends_launch else 'the other nodes of this rig'
+        tell = logger.error if event.returncode else logger.info
+        tell(f'{self.namespace}: {reason}; ending {what}')
+        if self._ends_launch:
+            return EmitEvent(event=Shutdown(reason=reason))
+        return EmitEvent(event=ShutdownProcess(process_matcher=lambda action: action in self.nodes))

@@ -15,9 +15,8 @@
 """Settings of the middleware that must stand before rclpy is initialised."""
 
 import os
-from pathlib import Path
 
-from piezo_ros.nodes.distribution import PROFILES, name_of_distribution
+from piezo_ros.nodes.distribution import name_of_distribution, profiles_of_fastdds
 
 __all__ = ['set_middleware_defaults']
 
@@ -26,7 +25,7 @@ def set_middleware_defaults() -> None:
     """Set what the user has not set: see fastdds3.xml; other middlewares ignore it."""
     # Shared-memory segments of killed processes make endpoints match without data.
     os.environ.setdefault('FASTDDS_BUILTIN_TRANSPORTS', 'UDPv4')
-    for variable, profiles in PROFILES.items():
-        os.environ.setdefault(variable, str(Path(__file__).with_name(profiles)))
+    variable, profiles = profiles_of_fastdds()
+    os.environ.setdefault(variable, str(profiles))
     # An installation sets it, wheels do not; it goes into bags.
     os.environ.setdefault('ROS_DISTRO', name_of_distribution())

@@ -21,7 +21,7 @@ from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.qos import ReliabilityPolicy
 from std_msgs.msg import Float64MultiArray
 
-from piezo_ros.nodes.qos import STREAM, overridable
+from piezo_ros.nodes.qos import STREAM
 
 if TYPE_CHECKING:
     from piezo_ros.nodes.stage import Stage
@@ -53,7 +53,7 @@ class Outlet:
     """
 
     def __init__(self, stage: 'Stage', topic: str) -> None:
-        self.publisher = stage.create_publisher(Float64MultiArray, topic, **overridable(STREAM))
+        self.publisher = stage.create_stream_publisher(Float64MultiArray, topic, STREAM)
         self.is_waiting = False
         self._stage = stage
         # It takes a bytearray as well, whatever its types say.

@@ -28,6 +28,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from piezo_ros.model.parameters import CHANGES, ParameterError, ParameterSet, constraint_of
+from piezo_ros.nodes.guard import explain
 
 __all__ = ['declare', 'fixed_during_run', 'plain', 'read']
 
@@ -35,7 +36,7 @@ _Set = TypeVar('_Set', bound=ParameterSet)
 
 
 def declare(
-    node: Node, *sets: type[ParameterSet],
+    node: Node, *sets: type[ParameterSet], defaults: Mapping[str, Any] | None = None,
     accept: Callable[[Mapping[str, Any]], str] = lambda changes: '',
 ) -> None:
     """
@@ -47,25 +48,58 @@ def declare(
         Where to declare.
     *sets : type of ParameterSet
         The sets; a name that two of them share is declared once.
+    defaults : mapping of str to value, optional
+        Values for where the user sets none, in place of those of the sets.
     accept : callable, optional
         Is given the changes of one call that the sets allow, by name; what it returns is the reason
         to refuse them all, '' for none.
 
     """
-    for parameter_set in sets:
-        for field in dataclasses.fields(parameter_set):
-            if not node.has_parameter(field.name):
-                default = field.default
-                node.declare_parameter(
-                    field.name, list(default) if isinstance(default, tuple) else default,
-                    _descriptor(field))
+    fields = {
+        field.name: field for parameter_set in sets for field in dataclasses.fields(parameter_set)}
+    given = node._parameter_overrides  # what command line and files say; rclpy has no other way
+    for name, field in fields.items():
+        if name in given:
+            given[name] = _with_numbers(given[name], fields)
+        default = (defaults or {}).get(name, field.default)
+        node.declare_parameter(
+            name, list(default) if isinstance(default, tuple) else default, _descriptor(field))
+    node.add_pre_set_parameters_callback(
+        lambda changes: [_with_numbers(change, fields) for change in changes])
 
     def check(changes: list[Parameter]) -> SetParametersResult:
-        reason = _refusal(node, sets, changes) or accept({
-            change.name: change.value for change in changes})
+        try:
+            reason = _refusal(node, sets, changes) or accept({
+                change.name: change.value for change in changes})
+        except Exception as error:  # Nobody above catches it.
+            reason = explain(error)
         return SetParametersResult(successful=not reason, reason=reason)
 
     node.add_on_set_parameters_callback(check)
+
+
+def _with_numbers(
+    change: Parameter, fields: 'Mapping[str, dataclasses.Field[Any]]',
+) -> Parameter:
+    """Return a value that YAML 1.1 takes for text, as it does 1e-5, as the number that is meant."""
+    field = fields.get(change.name)
+    if field is None or not isinstance(field.default, int | float | tuple):
+        return change
+    try:
+        if isinstance(change.value, str):
+            return Parameter(change.name, value=_number(change.value))
+        if isinstance(change.value, list) and any(isinstance(item, str) for item in change.value):
+            return Parameter(change.name, value=[float(item) for item in change.value])
+    except ValueError:
+        pass  # Text it is, and refused as that.
+    return change
+
+
+def _number(text: str) -> float | int:
+    try:
+        return int(text)
+    except ValueError:
+        return float(text)
 
 
 def read(node: Node, parameter_set: type[_Set]) -> _Set:

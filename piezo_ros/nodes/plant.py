@@ -35,6 +35,7 @@ from piezo_ros.nodes.bursts import answer_burst, publish_blocks
 from piezo_ros.nodes.demand import DemandWriter
 from piezo_ros.nodes.pace import Pace
 from piezo_ros.nodes.parameters import read
+from piezo_ros.nodes.running_time import RunningTime
 from piezo_ros.nodes.simulated_clock import SimulatedClock
 from piezo_ros.nodes.stage import Stage
 from piezo_ros.nodes.stream_node import ServiceRefusedError
@@ -107,7 +108,7 @@ class Plant(Stage):
         self._displacement = self.writers['displacement']
         self._voltage_v = 0.0
         self._received = -1
-        self._received_at_s = math.inf
+        self._silent: RunningTime | None = None  # since the newest voltage
         self._began_s = time.perf_counter()
         self._elapsed_s = 0.0
         factor = self._timing.realtime_factor
@@ -244,8 +245,8 @@ class Plant(Stage):
         if self._voltage.received != self._received or self._held is not None:
             self._received = self._voltage.received
             if self._received:
-                self._received_at_s = now_s
-        elif now_s - self._received_at_s > self._safety.watchdog_s:
+                self._silent = RunningTime()
+        elif self._silent is not None and self._silent.elapsed_s() > self._safety.watchdog_s:
             raise StreamFault(
                 f'no voltage for {self._safety.watchdog_s:g} s after sample '
                 f'{self._voltage.next_index - 1}')

@@ -24,6 +24,7 @@ from pathlib import Path
 from typing import Final
 
 from piezo_ros.nodes.executables import PARENT_VARIABLE
+from piezo_ros.nodes.running_time import RunningTime
 
 __all__ = ['POLL_S', 'ProcessGroup']
 
@@ -85,8 +86,8 @@ class ProcessGroup:
             for process in self._processes.values():
                 if process.poll() is None:
                     process.send_signal(step)
-            deadline = time.monotonic() + grace_s
-            while self.going() and time.monotonic() < deadline:
+            waited = RunningTime()
+            while self.going() and waited.elapsed_s() < grace_s:
                 time.sleep(POLL_S)
             if not self.going():
                 return

@@ -26,6 +26,7 @@ __all__ = [
     'EVERY_STATUS',
     'LATCHED',
     'NEWEST',
+    'OVERRIDES',
     'STREAM',
     'overridable',
 ]
@@ -59,6 +60,12 @@ DIAGNOSTICS = QoSProfile(
 CLOCK = QoSProfile(
     history=HistoryPolicy.KEEP_LAST, depth=1, reliability=ReliabilityPolicy.RELIABLE,
     durability=DurabilityPolicy.VOLATILE)
+
+
+# What the parameters qos_overrides.… take.
+OVERRIDES = (
+    'allowed are history keep_last or keep_all, depth from 1 on, reliability reliable or '
+    'best_effort')
 
 
 def overridable(profile: QoSProfile) -> dict[str, Any]:

@@ -85,8 +85,11 @@ class Relay:
         publish_raw, not_taken = outlet.publish_raw, _rclpy.RCLError
         copy, counter = writer.copy, writer.counter
         sched_yield = os.sched_yield
+        held = reader.held
 
         def look(times: int) -> bool:
+            if held:  # What came before the run goes first.
+                return stage.look(times)
             taken = take_message(message_type, True)
             while taken is None:
                 times -= 1

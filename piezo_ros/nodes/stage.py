@@ -21,20 +21,30 @@ by an executor in another thread, see `piezo_ros.nodes.stream_node`.
 
 import json
 import os
+import sys
 import time
 import traceback
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any
 
+from rclpy.duration import Duration
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
 from std_msgs.msg import String
 
-from piezo_ros.experiment.node_parameters import NODE_PARAMETERS, StageParameters
+from piezo_ros.experiment.node_parameters import (
+    NODE_PARAMETERS,
+    StageParameters,
+    parameter_names,
+)
+from piezo_ros.nodes.guard import explain, guarded
 from piezo_ros.nodes.handshake import await_peers
 from piezo_ros.nodes.observation import Diagnostics, Monitor
 from piezo_ros.nodes.parameters import declare, fixed_during_run, plain, read
 from piezo_ros.nodes.qos import LATCHED
+from piezo_ros.nodes.role_parameters import parameter_files, role_parameters
+from piezo_ros.nodes.running_time import RunningTime
 from piezo_ros.nodes.stream_node import ServiceRefusedError, StreamNode
 from piezo_ros.nodes.streams import StreamFault, StreamReader, StreamWriter
 
@@ -42,6 +52,8 @@ __all__ = ['Stage']
 
 _CHECK_PEERS_S = 0.25
 _REPORT_S = 1.0
+_ACKNOWLEDGE = Duration(seconds=0.1)
+_FAREWELL_S = 2.0  # how long the readers of an interrupted run have for its end
 
 
 class Stage(StreamNode):
@@ -51,7 +63,7 @@ class Stage(StreamNode):
     Parameters
     ----------
     name : str
-        Node name, one of `NODE_PARAMETERS`.
+        Role, one of `NODE_PARAMETERS`, and name of the node unless it is given another.
     compiled : bool
         What the parameter of that name is where the user does not set it.
 
@@ -70,17 +82,24 @@ class Stage(StreamNode):
     troubles: tuple[str, ...] = ('refused_messages', 'gaps')
 
     def __init__(self, name: str, *, compiled: bool = False) -> None:
-        super().__init__(
-            name, parameter_overrides=[Parameter('compiled', value=True)] if compiled else [])
+        super().__init__(name)
+        self.role = name
         self._fixed = fixed_during_run(*NODE_PARAMETERS[name])
         self.is_configured = False
         self._reread = False  # parameters have changed since they were read
-        declare(self, *NODE_PARAMETERS[name], accept=self._accept_changes)
-        self.add_post_set_parameters_callback(self._after_changes)
+        declare(
+            self, *NODE_PARAMETERS[name], accept=self._accept_changes,
+            defaults={**({'compiled': True} if compiled else {}), **self._of_role()})
+        self.add_post_set_parameters_callback(guarded(self, self._after_changes))
         self.starts_itself = bool(self.get_parameter('autostart').value)
         self.running = False
         self.in_blocks = False  # several samples at a time come in and go out, nobody waits for one
         self.failed = False  # a fault is latched
+        self.fault = ''  # what it was
+        self.activating = False  # an activation is under way
+        self.given_up = False  # somebody wants no more of it
+        self.was_given_up = False  # the newest activation came to nothing for that
+        self.starting = False  # nothing is driven yet, and a signal need not wait
         self.over = False  # a run has ended, well or not
         self.shut_down = False
         self.stop_requested = False
@@ -88,6 +107,7 @@ class Stage(StreamNode):
         self.activity = 'unconfigured'
         self.result = ''  # how the newest run ended
         self.reason = ''
+        self.by_peer = False  # the newest run ended because that of a peer had
         # What the stream loop calls: `look`, or a quicker way that does the same.
         self.quick: Callable[[int], bool] = self.look
         self.readers: dict[str, StreamReader] = {}
@@ -99,6 +119,14 @@ class Stage(StreamNode):
         self._diagnostics = Diagnostics(self)
         self.create_trigger('reset', self.reset)
         self.create_trigger('stop', self._stop_by_service)
+
+    def _of_role(self) -> dict[str, Any]:
+        """Return what parameter files say of the role, where ROS finds only the other name."""
+        if self.get_name() == self.role:
+            return {}
+        values = role_parameters(self.role, self.get_namespace(), parameter_files(sys.argv))
+        names = parameter_names(self.role)
+        return {name: value for name, value in values.items() if name in names}
 
     # -- what a stage defines ---------------------------------------------------------------------
 
@@ -176,7 +204,7 @@ class Stage(StreamNode):
             self.create_endpoints()
             self._monitor.create_endpoints()
         except Exception as error:  # rclpy would swallow it.
-            self._destroy_endpoints()
+            self.in_executor(self._destroy_endpoints)
             return self._refuse('configure', error)
         self.is_configured = True
         self.reason = ''
@@ -187,11 +215,21 @@ class Stage(StreamNode):
         self._reread = False
         self.settings = read(self, StageParameters)
         self._monitor.use_rate(self.settings.monitor_rate_hz)
-        self.configure()
+        with self._interruptible():
+            self.configure()
+
+    @contextmanager
+    def _interruptible(self) -> Iterator[None]:
+        """Let a signal end the process in here: code may be compiled for a minute."""
+        self.starting = True
+        try:
+            yield
+        finally:
+            self.starting = False
 
     def _refuse(self, transition: str, why: Exception | str) -> TransitionCallbackReturn:
-        """Say why a transition fails, in log and status."""
-        self.reason = str(why)
+        """Say why a transition fails, in log and status; a latched fault stays the reason there."""
+        self.reason = self.fault or str(why)
         self.get_logger().error(f'cannot {transition}: {why}')
         if isinstance(why, Exception) and not isinstance(why, (ValueError, OSError)):
             self.get_logger().error(''.join(traceback.format_exception(why)))
@@ -210,39 +248,43 @@ class Stage(StreamNode):
         """Wait for the peers, set all state to its initial value, start the run."""
         if self.failed:
             return self._refuse('activate', (
-                f'a fault is latched until ~/reset is called: {self.reason}'))
+                f'a fault is latched until ~/reset is called: {self.fault}'))
+        self.activating, self.was_given_up = True, False
         try:
             self._take_changed_parameters()
+            missing = await_peers(self)
+            if missing:
+                return self._give_up() if self.given_up else self._refuse('activate', missing)
+            self.between_samples(self._begin)
         except Exception as error:  # rclpy would swallow it.
             return self._refuse('activate', error)
-        missing = await_peers(self)
-        if missing:
-            return self._refuse('activate', missing)
-        problem: list[Exception] = []
-
-        def begin() -> None:
-            start_index, period_s = self.settings.start_index, self.settings.sample_period_s
-            for reader in self.readers.values():
-                reader.start(start_index, period_s)
-            for writer in self.writers.values():
-                writer.start(max(start_index, 0), period_s)
-            self.over, self.reason, self.result = False, '', ''
-            self.run_number += 1
-            self.quick = self.look
-            try:
-                self.start()
-            except Exception as error:  # rclpy would swallow it.
-                problem.append(error)
-                return
-            self._monitor.start()
-            self.running = True
-            self._report('active')
-            self.get_logger().info(f'run {self.run_number} begins')
-
-        self.between_samples(begin)
-        if problem:
-            return self._refuse('activate', problem[0])
+        finally:
+            self.activating = self.given_up = False
         return TransitionCallbackReturn.SUCCESS
+
+    def _begin(self) -> None:
+        start_index, period_s = self.settings.start_index, self.settings.sample_period_s
+        for reader in self.readers.values():
+            reader.start(start_index, period_s)
+        for writer in self.writers.values():
+            writer.start(max(start_index, 0), period_s)
+        self.over, self.reason, self.result, self.by_peer = False, '', '', False
+        self.run_number += 1
+        self.quick = self.look
+        with self._interruptible():
+            self.start()
+        self._monitor.start()
+        self.running = True
+        self._report('active')
+        self.get_logger().info(f'run {self.run_number} begins')
+
+    def _give_up(self) -> TransitionCallbackReturn:
+        """Say that somebody wanted no run after all."""
+        self.was_given_up = True
+        self.reason = 'stopped while waiting for the peers'
+        self.get_logger().info(self.reason)
+        self._report(self.activity)
+        return TransitionCallbackReturn.FAILURE
 
     def _take_changed_parameters(self) -> None:
         """Configure again where parameters have changed since; the endpoints stay."""
@@ -259,16 +301,22 @@ class Stage(StreamNode):
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """End the run; nothing is taken any more."""
         self.between_samples(lambda: self.stop('deactivated'))
-        for reader in self.readers.values():
-            reader.drain()
+        # Whoever begins a run after this finds the end of this one among what has come.
+        waited = RunningTime()
+        self.await_acknowledgements(lambda: waited.elapsed_s() < _FAREWELL_S)
         self._monitor.stop()
         self._report('inactive')
         return TransitionCallbackReturn.SUCCESS
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Destroy every endpoint."""
-        self.between_samples(lambda: self.stop('cleaned up'))
-        self._destroy_endpoints()
+        def leave() -> None:
+            self.stop('cleaned up')
+            self.is_configured = False  # The stream loop touches no endpoint any more.
+
+        self.between_samples(leave)
+        # Not while the executor looks at them.
+        self.in_executor(self._destroy_endpoints)
         self._report('unconfigured')
         return TransitionCallbackReturn.SUCCESS
 
@@ -300,12 +348,19 @@ class Stage(StreamNode):
         """Clear a latched fault, so that the next activation is allowed."""
         if self.running:
             raise ServiceRefusedError('a run is going on; call ~/stop or deactivate first')
-        was = f'cleared: {self.reason}' if self.failed else 'there was no fault'
-        self.failed, self.reason = False, ''
+        was = f'cleared: {self.fault}' if self.failed else 'there was no fault'
+        self.failed, self.fault, self.reason = False, '', ''
         self._report(self.activity)
         return was
 
+    def give_up_activation(self) -> None:
+        """Wait for the peers no longer."""
+        self.given_up = True
+
     def _stop_by_service(self) -> str:
+        if self.activating and not self.running:
+            self.give_up_activation()
+            return 'the activation is given up'
         if not self.running:
             raise ServiceRefusedError('no run is going on')
         # First, so that a writer that waits for its reader gives up.
@@ -315,7 +370,7 @@ class Stage(StreamNode):
 
     def _accept_changes(self, changes: Mapping[str, Any]) -> str:
         """Return why changes that the sets allow are refused, '' where they are not."""
-        if self.running:
+        if self.running or self.activating:
             for name, value in changes.items():
                 if name in self._fixed and (
                     plain(value) != plain(self.get_parameter(name).value)
@@ -346,6 +401,9 @@ class Stage(StreamNode):
     def housekeeping(self, now_s: float) -> None:
         """Look after peers, time limits and status; called a few times a second."""
         if not self.running:
+            if self.over and self.is_configured:
+                for reader in self.readers.values():
+                    reader.discard_rest()
             return
         for writer in self.writers.values():
             writer.flush()
@@ -386,9 +444,14 @@ class Stage(StreamNode):
     def fail(self, reason: str) -> None:
         """End the run for a fault: pass the end on, come to rest, report why."""
         if self.running:
-            self.failed = True
+            self.failed, self.fault = True, reason
             self.get_logger().error(f'run ended: {reason}')
             self._close('faulted', reason)
+
+    def note_fault(self, reason: str) -> None:
+        """Take note of what went wrong at the end of a run; the first such reason stays."""
+        self.failed, self.fault = True, self.fault or reason
+        self.get_logger().error(reason)
 
     def _tell_end(self) -> None:
         if not self.failed:
@@ -396,10 +459,21 @@ class Stage(StreamNode):
             self.get_logger().info(
                 f'run {self.run_number} {self.result}{why}: {self.counts()["samples"]} samples')
 
-    def stop(self, reason: str) -> None:
-        """End the run because somebody wants it to end."""
+    def stop(self, reason: str, *, by_peer: bool = False) -> None:
+        """
+        End the run because somebody wants it to end.
+
+        Parameters
+        ----------
+        reason : str
+            Who or what.
+        by_peer : bool, optional
+            Whether a peer has ended its own run, well or not: it says why.
+
+        """
         self.stop_requested = True
         if self.running:
+            self.by_peer = by_peer
             self._close('stopped', reason)
         self.stop_requested = False
 
@@ -412,36 +486,37 @@ class Stage(StreamNode):
             writer.end()
         try:
             self.quiesce()
-        except Exception:  # The report of how it ended must go out all the same.
-            self.failed = True
+        except Exception as error:  # The report of how it ended must go out all the same.
+            self.note_fault(explain(error))
             self.get_logger().error(traceback.format_exc())
+        self.reason = self.reason or self.fault
         self._monitor.rest()
         self._tell_end()
         self._report(state)
 
-    def await_acknowledgements(self, deadline: float, supervisor_deadline: float) -> None:
+    def await_acknowledgements(self, has_time: Callable[[], bool]) -> None:
         """
-        Wait until every reader has what was published, so that the process may end.
+        Wait until every reader has what was published.
 
         Parameters
         ----------
-        deadline : float
-            Until when a reader, which may be dead, is waited for; of ``time.monotonic``, seconds.
-        supervisor_deadline : float
-            Until when a reader of the status that has not been discovered yet is waited for.
+        has_time : callable
+            Whether to go on waiting for a reader, which may be dead; asked ten times a second.
 
         """
-        from rclpy.duration import Duration
-        while (
-            not self._status.get_subscription_count()
-            and time.monotonic() < supervisor_deadline
-        ):
+        writers = self.writers.values()
+        for publisher in [
+            *(publisher for writer in writers for publisher in writer.publishers),
+            *self.own_publishers, self._status,
+        ]:
+            # Once at least: who has everything already is not waited for.
+            while not publisher.wait_for_all_acked(_ACKNOWLEDGE) and has_time():
+                pass
+
+    def await_supervisor(self, has_time: Callable[[], bool]) -> None:
+        """Wait until somebody who listens to the status has been discovered."""
+        while not self._status.get_subscription_count() and has_time():
             time.sleep(0.01)
-        publishers = [
-            publisher for writer in self.writers.values() for publisher in writer.publishers]
-        for publisher in [*publishers, self._status]:
-            left_s = max(deadline - time.monotonic(), 0.01)
-            publisher.wait_for_all_acked(Duration(seconds=left_s))
 
     # -- status -----------------------------------------------------------------------------------
 
@@ -451,12 +526,14 @@ class Stage(StreamNode):
         index = max((writer.sent for writer in self.writers.values()), default=0)
         fields = {
             'node': self.get_name(),
+            'role': self.role,
             'state': activity,
             'run': self.run_number,
             'index': index,
             'total': None,
             'progress': None,
             'result': self.result,
+            'by_peer': self.by_peer,
             'refused': sum(reader.refused for reader in self.readers.values()),
             'reason': self.reason,
             'voltage_v': None,

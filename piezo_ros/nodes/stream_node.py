@@ -13,27 +13,36 @@
 # limitations under the License.
 
 """
-A managed node that two threads serve: a stream loop its streams, an executor all the rest.
+A managed node that three threads serve: its streams, its transitions, and all the rest.
 
-The streams are hidden from the executor, and what its thread wants of a running node is done by the
-stream loop between two samples.
+The stream loop serves the streams, `piezo_ros.nodes.transitions` the lifecycle, an executor
+everything else; streams and lifecycle are hidden from it. What the other two want of a running node
+is done by the stream loop between two samples.
 """
 
 import threading
 import traceback
+from collections import deque
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 from rclpy.event_handler import PublisherEventCallbacks
+from rclpy.exceptions import ParameterException
 from rclpy.lifecycle import LifecycleNode
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
+from rclpy.service import Service
 from rclpy.subscription import Subscription
 from std_srvs.srv import Trigger
 
-from piezo_ros.nodes.qos import overridable
+from piezo_ros.nodes.guard import explain, guard_services
+from piezo_ros.nodes.qos import OVERRIDES, overridable
+from piezo_ros.nodes.transitions import TransitionServer
 
 __all__ = ['ServiceRefusedError', 'StreamNode']
+
+_EXECUTOR_S = 10.0  # it ends with the process, whoever waits for it
 
 
 class ServiceRefusedError(Exception):
@@ -56,34 +65,45 @@ class StreamNode(LifecycleNode):
     def __init__(self, name: str, **arguments: Any) -> None:
         self._stream_subscriptions: set[Subscription] = set()
         self._own_subscriptions: list[Subscription] = []
-        self._own_publishers: list[Publisher] = []
+        self.own_publishers: list[Publisher] = []
+        self._hidden_services: list[Service] = []
         super().__init__(name, **arguments)
+        guard_services(self)
+        self.transitions = TransitionServer(self)
+        self._hidden_services.append(self.transitions.service)
         self.wake: Callable[[], None] = lambda: None  # the stream loop, when nothing is running
         self._thread = threading.get_ident()
-        self._request: Callable[[], None] | None = None
-        self._request_done = threading.Event()
+        self._requests: deque[_Request] = deque()
 
-    # -- between the two threads ------------------------------------------------------------------
+    # -- between the threads ----------------------------------------------------------------------
 
     def between_samples(self, action: Callable[[], None]) -> None:
         """Let the stream loop run an action between two samples, and wait for it."""
         if threading.get_ident() == self._thread:
             action()
             return
-        self._request_done.clear()
-        self._request = action
+        request = _Request(action)
+        self._requests.append(request)
         self.wake()
-        self._request_done.wait()
+        request.done.wait()
+        if request.error is not None:
+            raise request.error
+
+    def in_executor(self, action: Callable[[], None]) -> None:
+        """Let the executor run an action between two callbacks, and wait for it."""
+        if self.executor is None:
+            action()
+            return
+        request = _Request(action)
+        self.executor.create_task(request.serve)
+        request.done.wait(_EXECUTOR_S)
+        if request.error is not None:
+            raise request.error
 
     def serve_request(self) -> None:
-        """Do what the executor wants done between two samples, if anything."""
-        if self._request is None:
-            return
-        request, self._request = self._request, None
-        try:
-            request()
-        finally:
-            self._request_done.set()
+        """Do what other threads want done between two samples, if anything."""
+        while self._requests:
+            self._requests.popleft().serve()
 
     # -- endpoints --------------------------------------------------------------------------------
 
@@ -92,10 +112,18 @@ class StreamNode(LifecycleNode):
         event_callbacks: 'PublisherEventCallbacks | None' = None,
     ) -> Publisher:
         """Create a publisher beside the streams; it goes when the node is cleaned up."""
-        publisher = self.create_publisher(
-            message_type, topic, event_callbacks=event_callbacks, **overridable(qos))
-        self._own_publishers.append(publisher)
+        publisher = self.create_stream_publisher(message_type, topic, qos, event_callbacks)
+        self.own_publishers.append(publisher)
         return publisher
+
+    def create_stream_publisher(
+        self, message_type: Any, topic: str, qos: QoSProfile,
+        event_callbacks: PublisherEventCallbacks | None = None,
+    ) -> Publisher:
+        """Create a publisher; raises ValueError where its QoS is overridden by nonsense."""
+        with self._creating(topic):
+            return self.create_publisher(
+                message_type, topic, event_callbacks=event_callbacks, **overridable(qos))
 
     def create_own_subscription(
         self, message_type: Any, topic: str, qos: QoSProfile,
@@ -108,11 +136,33 @@ class StreamNode(LifecycleNode):
     def create_stream_subscription(
         self, message_type: Any, topic: str, qos: QoSProfile,
     ) -> Subscription:
-        """Create a subscription that the stream loop takes from, hidden from the executor."""
-        subscription = self.create_subscription(
-            message_type, topic, callback=_never_called, **overridable(qos))
+        """
+        Create a subscription that the stream loop takes from, hidden from the executor.
+
+        Raises
+        ------
+        ValueError
+            If its QoS is overridden by nonsense.
+
+        """
+        with self._creating(topic):
+            subscription = self.create_subscription(
+                message_type, topic, callback=_never_called, **overridable(qos))
         self._stream_subscriptions.add(subscription)
         return subscription
+
+    @contextmanager
+    def _creating(self, topic: str) -> Iterator[None]:
+        """Tell what rclpy has against an endpoint, with what was overridden."""
+        try:
+            yield
+        except (ParameterException, RuntimeError, TypeError, ValueError) as error:
+            name = f'qos_overrides.{self.resolve_topic_name(topic)}.'
+            given = ', '.join(
+                f'{key} = {parameter.value!r}'
+                for key, parameter in self._parameter_overrides.items() if key.startswith(name))
+            hint = f' ({given}; {OVERRIDES})' if given else ''
+            raise ValueError(f'{topic} cannot be created: {explain(error)}{hint}') from None
 
     def destroy_stream_subscription(self, subscription: Subscription) -> None:
         """Destroy what `create_stream_subscription` has returned."""
@@ -123,9 +173,9 @@ class StreamNode(LifecycleNode):
         """Destroy what was created beside the streams."""
         for subscription in self._own_subscriptions:
             self.destroy_stream_subscription(subscription)
-        for publisher in self._own_publishers:
+        for publisher in self.own_publishers:
             self.destroy_publisher(publisher)
-        self._own_subscriptions, self._own_publishers = [], []
+        self._own_subscriptions, self.own_publishers = [], []
 
     @property
     def subscriptions(self) -> Iterator[Subscription]:
@@ -133,6 +183,13 @@ class StreamNode(LifecycleNode):
         for subscription in super().subscriptions:
             if subscription not in self._stream_subscriptions:
                 yield subscription
+
+    @property
+    def services(self) -> Iterator[Service]:
+        """The services that an executor shall serve: not the transitions."""
+        for service in super().services:
+            if service not in self._hidden_services:
+                yield service
 
     def create_trigger(self, name: str, action: Callable[[], str]) -> None:
         """
@@ -157,6 +214,23 @@ class StreamNode(LifecycleNode):
             return response
 
         self.create_service(Trigger, f'~/{name}', serve)
+
+
+class _Request:
+    """Something that one thread wants done by another; an exception goes back to who wants it."""
+
+    def __init__(self, action: Callable[[], None]) -> None:
+        self._action = action
+        self.done = threading.Event()
+        self.error: Exception | None = None
+
+    def serve(self) -> None:
+        try:
+            self._action()
+        except Exception as error:
+            self.error = error
+        finally:
+            self.done.set()
 
 
 def _never_called(_message: Any) -> None:

@@ -23,9 +23,9 @@ import math
 import struct
 import time
 from array import array
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,6 +42,8 @@ from piezo_ros.bag.block import (
 )
 from piezo_ros.nodes.outlet import Outlet
 from piezo_ros.nodes.qos import STREAM
+from piezo_ros.nodes.run_fence import RunFence
+from piezo_ros.nodes.running_time import RunningTime
 from piezo_ros.nodes.sample_queue import SampleQueue
 from piezo_ros.nodes.stream_copy import StreamCopy
 
@@ -230,7 +232,10 @@ class StreamReader:
         self._single_head, numbers = self._codec.single
         self._single_size = len(self._single_head) + numbers.size
         self._unpack_single = struct.Struct(f'<{len(self._single_head)}s3d').unpack
-        self._take_message = self.subscription.handle.take_message
+        self._fence = RunFence(self._take_bytes, self._extent)
+        self.held = self._fence.held  # messages that were taken before the run began
+        self._take_message: Callable[[Any, bool], Any] = self.subscription.handle.take_message
+        self._is_open = False  # a run has begun whose end has not come
         self._period_s: float | None = None
         self._fast_period_s = math.nan  # the period while the quick path may be taken, else NaN
         # Number of bytes -> what such a block begins with, of some that have come.
@@ -238,7 +243,7 @@ class StreamReader:
         self._first = 0
         self._any_start = False
         self._warned = 0.0
-        self._lost_at_s: float | None = None
+        self._lost: RunningTime | None = None  # since when it has had no writer
         self._received_then = 0
 
     def start(self, index: int, sample_period_s: float | None) -> None:
@@ -254,14 +259,19 @@ class StreamReader:
 
         """
         self.queue.clear()
+        self._interrupt()
+        self._fence.begin(takes_any_start=index < 0)
+        if self.held:
+            self._take_message = self._take_held
         self._first = self.counter[0] = index
         self.refused = 0
         self.gaps = 0
         self.ended = False
+        self._is_open = True
         self._any_start = index < 0
         self._period_s = sample_period_s
         self._fast_period_s = math.nan  # whatever comes first is looked at closely
-        self._lost_at_s = None
+        self._lost = None
 
     @property
     def example(self) -> bytes:
@@ -278,10 +288,31 @@ class StreamReader:
         """Number of samples of this run."""
         return self.counter[0] - self._first
 
-    def drain(self) -> None:
-        """Throw away what is left of an earlier run."""
-        while self._take_message(Float64MultiArray, True) is not None:
-            pass
+    def discard_rest(self) -> None:
+        """Throw away what comes of a run that is over here, and not at its writer."""
+        self._interrupt()
+        self._fence.discard_rest()
+
+    def _interrupt(self) -> None:
+        """Tell the fence of a run whose end has not come."""
+        if self._is_open and not self.ended:
+            self._fence.interrupt(self.next_index if self.received else None)
+        self._is_open = False
+
+    def _take_bytes(self) -> bytes | None:
+        taken = self.subscription.handle.take_message(Float64MultiArray, True)
+        return None if taken is None else taken[0]
+
+    def _extent(self, raw: bytes) -> tuple[int, int]:
+        index, _, samples = self._decode(raw)
+        return index, samples.size
+
+    def _take_held(self, message_type: Any, is_raw: bool) -> Any:
+        """Do what the subscription does, as long as there are messages that came before."""
+        if self.held:
+            return self.held.popleft(), None
+        self._take_message = self.subscription.handle.take_message
+        return self._take_message(message_type, is_raw)
 
     def take_one(self) -> float | None:
         """
@@ -351,7 +382,7 @@ class StreamReader:
             self._refuse(str(error))
             return None
         if index != self.next_index or period_s != self._period_s or self.ended:
-            if not self._accept_other(index, period_s):
+            if not self._accept_other(index, period_s, samples.size):
                 return None
         if samples.size:
             self.counter[0] += samples.size
@@ -443,17 +474,18 @@ class StreamReader:
         writers = self.subscription.get_publisher_count()
         if writers > 1:
             raise StreamFault(f'{self.subscription.topic_name} has {writers} writers')
-        now = time.monotonic()
         if writers == 1:
-            self._lost_at_s = None
-        elif self._lost_at_s is None or self._received_then != self.received:
-            self._lost_at_s = now
+            self._lost = None
+        elif self._lost is None or self._received_then != self.received:
+            self._lost = RunningTime()
             self._received_then = self.received
-        return self._lost_at_s is None or now - self._lost_at_s <= timeout_s
+        return self._lost is None or self._lost.elapsed_s() <= timeout_s
 
-    def _accept_other(self, index: int, period_s: float) -> bool:
+    def _accept_other(self, index: int, period_s: float, samples: int) -> bool:
         """Decide on a block that is not simply the next one."""
         topic = self.subscription.topic_name
+        if not self.received and self._fence.is_rest(index, samples):
+            return False
         first = self._any_start and not self.received
         if self.ended or (index < self.next_index and not first):
             self._refuse(

@@ -68,7 +68,7 @@ class Trajectory(Stage):
             if not self._demand.take():
                 return False
             if self._demand.ended:
-                self.stop(NO_MORE)
+                self.stop(NO_MORE, by_peer=True)
                 return True
             self._limit = min(self._demand.limit, self._samples)
         count = min(self._limit - self._index, self._block_samples * BURST_BLOCKS)
@@ -85,7 +85,7 @@ class Trajectory(Stage):
 
     def watch(self, now_s: float) -> None:
         """End the run when nobody is left to demand samples."""
-        self._demand.check_writer(now_s, self.settings.lost_writer_timeout_s)
+        self._demand.check_writer(self.settings.lost_writer_timeout_s)
 
     def status_fields(self) -> dict[str, Any]:
         """Return the length of the run."""

@@ -59,7 +59,8 @@ def bench_figure(record: Mapping[str, Any]) -> Figure:
         figure.suptitle(
             f'piezo bench, {record["date"][:10]}, {machine["cores"]} cores, '
             f'{machine["processor"]}, Python {machine["python"]}', fontsize='medium')
-        axes = figure.subplots(len(panels), 1, height_ratios=heights, squeeze=False)[:, 0]
+        axes = figure.subplots(
+            len(panels), 1, gridspec_kw={'height_ratios': heights}, squeeze=False)[:, 0]
         for panel, ((group, unit), names) in zip(axes, panels.items(), strict=True):
             _bars(panel, record['results'], names)
             panel.set_title(

@@ -81,7 +81,7 @@ def tracking_figure(runs: Sequence[ScoredRun]) -> Figure:
         bottom.set_xlim(0, runs[0].window_ms[-1])
         limit = _HEADROOM * max(run.max_error_um for run in runs)
         _symmetric(bottom, limit)
-        top.legend(loc='lower left', bbox_to_anchor=(0, 1), ncols=len(runs) + 1, borderpad=0,
+        top.legend(loc='lower left', bbox_to_anchor=(0, 1), ncol=len(runs) + 1, borderpad=0,
                    borderaxespad=0.35, handlelength=1.6, columnspacing=1.8)
         figure.align_ylabels()
     return figure

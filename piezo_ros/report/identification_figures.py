@@ -57,7 +57,7 @@ def residual_figure(fit: HysteresisFit) -> Figure:
         values[::step] for values in (fit.voltage_v, fit.displacement_um, fit.residual_um))
     with house_style():
         figure = Figure(figsize=(6.4, 5.6), layout='constrained')
-        loops, residual = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
+        loops, residual = figure.subplots(2, 1, sharex=True, gridspec_kw={'height_ratios': (3, 2)})
         loops.plot(voltage_v, displacement_um, color=FAINT, linewidth=2.4, label='measured')
         loops.plot(
             voltage_v, displacement_um - residual_um, color=SERIES[0], linewidth=0.7,

@@ -121,7 +121,7 @@ def head(figure: Figure, handles: list[Artist], title: str = '') -> None:
     if title:
         figure.text(left, 1 - 0.06 / height_in, title, va='top', fontsize=10.5, fontweight='bold')
     figure.legend(
-        handles=handles, loc='upper left', ncols=len(handles), borderpad=0, borderaxespad=0.5,
+        handles=handles, loc='upper left', ncol=len(handles), borderpad=0, borderaxespad=0.5,
         bbox_to_anchor=(left, 1 - (_TITLE_IN / height_in if title else 0.0)),
         handlelength=1.6, columnspacing=1.8)
 

@@ -215,7 +215,7 @@ def response_figure(
             top.set_ylim(bottom=0.0)
         top.set_title(title, loc='left', fontsize=10.5, fontweight='bold',
                       pad=8 + 14.5 * rows)
-        top.legend(loc='lower left', bbox_to_anchor=(0, 1), ncols=columns, borderpad=0,
+        top.legend(loc='lower left', bbox_to_anchor=(0, 1), ncol=columns, borderpad=0,
                    borderaxespad=0.35, handlelength=1.4, columnspacing=1.5)
         figure.align_ylabels()
     return figure
@@ -277,7 +277,7 @@ def uncertainty_figure(
         axes.set_xlabel('frequency (Hz)')
         _logarithmic_frequency(
             axes, [frequency, *(np.asarray(bound.frequency_hz) for bound in bounds)])
-        axes.legend(loc='lower left', bbox_to_anchor=(0, 1), ncols=columns, borderpad=0,
+        axes.legend(loc='lower left', bbox_to_anchor=(0, 1), ncol=columns, borderpad=0,
                     borderaxespad=0.35, handlelength=1.8, columnspacing=1.8)
     return figure
 
@@ -354,7 +354,7 @@ def _uncertainty_limits(
     size: NDArray[np.float64], bounds: Sequence[BoundCurve],
 ) -> tuple[float, float]:
     """Return a range that shows nearly all points and every bound: a few points are almost 0."""
-    seen = [np.percentile(size[size > 0.0], 1.0)] if np.any(size > 0.0) else [1e-3]
+    seen = [float(np.percentile(size[size > 0.0], 1.0))] if np.any(size > 0.0) else [1e-3]
     seen += [float(np.min(np.asarray(bound.magnitude))) for bound in bounds]
     high = max([float(size.max()), *(float(np.max(np.asarray(bound.magnitude)))
                                      for bound in bounds)])

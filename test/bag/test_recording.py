@@ -46,7 +46,8 @@ def test_a_recording_says_what_the_run_says_and_holds_no_sample(bag):
     same_facts(recording, run)
     for stream, summary in recording.streams.items():
         start, samples = run.whole(stream)
-        assert summary == (start, samples.size, samples.min(), samples.max())
+        assert summary == (
+            start, samples.size, samples.min(), samples.max(), f'/{stream}')
 
 
 @pytest.mark.parametrize(('start', 'stop'), [(0, 1000), (0, 1), (999, 1000), (120, 541), (37, 74)])

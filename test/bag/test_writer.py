@@ -253,8 +253,12 @@ def test_a_place_that_cannot_be_written_is_named(tmp_path):
 @pytest.mark.parametrize(('options', 'words'), [
     ({'compression': 'gzip'}, "'gzip'.*zstd, lz4, none"),
     ({'topics': {'speed': '/speed'}}, "'speed'"),
-    ({'topics': {'voltage': '/u'}}, "'/u'.*voltage"),
-    ({'topics': {'voltage': 'voltage'}}, "'voltage' must begin with /"),
+    ({'topics': {'voltage': 'voltage'}}, "'voltage' of 'voltage' must be absolute"),
+    ({'topics': {'voltage': '/rig/'}}, "'/rig/' of 'voltage' must be absolute"),
+    ({'topics': {'voltage': '/u', 'command': '/u'}}, "'/u' is that of 'voltage' and of 'command'"),
+    ({'namespace': 'rig'}, "namespace 'rig' must be / or absolute"),
+    ({'metadata': {'topic.voltage': '/u'}}, "'topic.voltage' is the writer's own"),
+    ({'metadata': {'namespace': '/rig'}}, "'namespace' is the writer's own"),
     ({'metadata': {'seed': 7}}, "'seed' is 7"),
     ({'metadata': {'format_version': '2'}}, 'format_version'),
 ])

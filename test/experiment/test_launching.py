@@ -20,7 +20,13 @@ from pathlib import Path
 import pytest
 
 from piezo_ros.experiment.errors import PlanError
-from piezo_ros.experiment.launching import LAUNCH_FILES, STAGES, node_processes
+from piezo_ros.experiment.launching import (
+    LAUNCH_FILES,
+    STAGES,
+    given_arguments,
+    node_processes,
+    reason_to_end,
+)
 from piezo_ros.experiment.parameter_file import read_parameter_file
 from piezo_ros.model import ParameterError
 
@@ -39,7 +45,11 @@ def arguments(launch_file, **given):
 def processes(launch_file, **given):
     return {
         process.executable: process.ros_arguments
-        for process in node_processes(launch_file, arguments(launch_file, **given))}
+        for process in started_by(launch_file, **given)}
+
+
+def started_by(launch_file, **given):
+    return node_processes(launch_file, arguments(launch_file, **given))
 
 
 def parameters(words):
@@ -87,6 +97,7 @@ def test_a_scan_sets_its_parameters_behind_the_files_and_each_node_gets_its_own(
     assert parameters(controller)['scheme'] == 'ff'
     assert parameters(trajectory)['amplitude_um'] == '2.5'
     assert 'amplitude_um' not in parameters(controller)
+    assert parameters(processes('scan.launch.py', periods='3')['trajectory'])['periods'] == '3.0'
     # A number without a point is text in a parameter override.
     assert {parameters(words)['sample_period_s'] for words in started.values()} == {'2.0e-05'}
     assert controller.index('--params-file') < controller.index('-p')
@@ -103,10 +114,56 @@ def test_with_a_recorder_every_stage_waits_for_it_and_stays_until_it_is_done():
     assert parameters(recorded['recorder'])['bag_directory'] == 'there'
 
 
-@pytest.mark.parametrize('namespace', ['a', '/a', '/a/'])
-def test_a_namespace_holds_every_node(namespace):
-    for words in processes('rig.launch.py', namespace=namespace, record='true').values():
-        assert '__ns:=/a' in words
+@pytest.mark.parametrize(('namespace', 'expected'), [
+    ('', ''), ('a', 'a'), ('a/', 'a'), ('/a', '/a'), ('/a/', '/a'), ('a/b', 'a/b'), ('/', '/')])
+def test_a_namespace_is_of_every_node_and_stays_relative_where_it_is(namespace, expected):
+    started = started_by('rig.launch.py', namespace=namespace, record='true')
+    assert len(started) == 5
+    for process in started:
+        assert process.namespace == expected
+        # launch_ros adds it, so that it goes into the namespace that was pushed.
+        assert not any('__ns' in word for word in process.ros_arguments)
+
+
+@pytest.mark.parametrize(('namespace', 'word'), [('a', '__ns:=/a'), ('/a/b', '__ns:=/a/b')])
+def test_a_command_line_without_launch_has_namespace_and_remappings(namespace, word):
+    (loop,) = started_by(
+        'loop.launch.py', namespace=namespace, publish_clock='true', clock_topic='there')
+    flag, *words = loop.command_line
+    assert flag == '--ros-args'
+    assert words == [*loop.ros_arguments, '-r', word, '-r', 'clock:=there']
+    (loop,) = started_by('loop.launch.py')
+    assert loop.command_line == ('--ros-args', *loop.ros_arguments)
+
+
+def test_patience_is_what_the_files_say_until_it_is_given():
+    for words in processes('rig.launch.py', record='true').values():
+        assert 'handshake_timeout_s' not in parameters(words)
+    given = processes(
+        'rig.launch.py', record='true', handshake_timeout_s='60', parameters_timeout_s='7.5')
+    for name, words in given.items():
+        assert float(parameters(words)['handshake_timeout_s']) == 60.0
+        assert ('parameters_timeout_s' in parameters(words)) is (name == 'recorder')
+    assert parameters(given['recorder'])['parameters_timeout_s'] == '7.5'
+
+
+@pytest.mark.parametrize(('executable', 'exit_code', 'reason'), [
+    ('recorder', 0, 'recorder is done'),
+    ('recorder', 1, 'recorder failed with exit code 1'),
+    ('plant', 1, 'plant failed with exit code 1'),
+    ('loop', -9, 'loop was killed by signal 9'),
+    ('trajectory', 0, ''),
+    ('loop', 0, ''),
+])
+def test_a_rig_ends_with_its_recorder_and_with_whoever_fails(executable, exit_code, reason):
+    assert reason_to_end(executable, exit_code) == reason
+
+
+def test_the_log_tells_what_was_given_and_only_that():
+    assert given_arguments('scan.launch.py', arguments('scan.launch.py')) == ''
+    assert given_arguments('scan.launch.py', arguments(
+        'scan.launch.py', namespace='one', periods='3', scheme='fbff')
+    ) == 'periods:=3, namespace:=one'
 
 
 @pytest.mark.parametrize('launch_file', ['loop.launch.py', 'scan.launch.py'])
@@ -126,6 +183,8 @@ def test_one_process_takes_every_file_and_no_two_nodes_differ_in_a_name(launch_f
     ({'amplitude_um': 'much'}, "amplitude_um is 'much', it must be a number"),
     ({'harmonics': '2.5'}, 'harmonics is 2.5, it must be an integer'),
     ({'sample_period_s': '0'}, 'sample_period_s is 0.0 s, allowed is'),
+    ({'handshake_timeout_s': '-1'}, 'handshake_timeout_s is -1.0 s, allowed is 0'),
+    ({'parameters_timeout_s': 'long'}, "parameters_timeout_s is 'long', it must be a number"),
     ({'scheme': 'auto'}, 'feedback_acceptable_frequency_hz is 0 Hz'),
     ({'without': 'plan'}, "without has 'plan', allowed are compensator, controller, plant"),
     ({'without': 'plant', 'composed': 'true'}, 'must be empty with composed'),
@@ -151,8 +210,13 @@ def test_what_is_given_is_checked_together_with_what_the_file_says(tmp_path):
 
 
 def test_a_clock_is_remapped_for_one_rig_and_stays_relative_where_it_is_told_to():
-    assert 'clock:=/clock' in processes('rig.launch.py', publish_clock='true')['plant']
-    assert 'clock:=clock' in processes(
-        'loop.launch.py', publish_clock='true', clock_topic='clock')['loop']
-    assert not any('clock:=' in word for word in processes('rig.launch.py')['plant'] if
-                   not word.startswith('publish_clock'))
+    def remapped(launch_file, **given):
+        return {
+            process.executable: process.remappings
+            for process in started_by(launch_file, **given) if process.remappings}
+
+    assert remapped('rig.launch.py', publish_clock='true', record='true') == {
+        'plant': (('clock', '/clock'),)}
+    assert remapped('loop.launch.py', publish_clock='true', clock_topic='clock') == {
+        'loop': (('clock', 'clock'),)}
+    assert not remapped('rig.launch.py')

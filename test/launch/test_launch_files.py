@@ -35,8 +35,7 @@ def test_every_launch_file_is_in_the_table_and_does_nothing_but_hand_it_over():
 
 
 @pytest.mark.parametrize('name', LAUNCH_FILES)
-def test_launch_knows_every_argument_and_starts_the_processes(name, tmp_path):
-    launch = pytest.importorskip('launch')
+def test_launch_knows_every_argument(name):
     pytest.importorskip('launch_ros')
     from launch.launch_description_sources import get_launch_description_from_python_launch_file
     description = get_launch_description_from_python_launch_file(str(FOLDER / name))
@@ -45,11 +44,3 @@ def test_launch_knows_every_argument_and_starts_the_processes(name, tmp_path):
     for argument in LAUNCH_FILES[name]:
         assert declared[argument.name].description.startswith(argument.description)
         assert tuple(declared[argument.name].choices or ()) == argument.choices
-    context = launch.LaunchContext()
-    context.launch_configurations['record'] = 'true'
-    for action in description.entities:
-        started = action.execute(context)
-    executables = [node.node_executable for node in started]
-    assert executables == [
-        'recorder', *(['loop'] if name == 'loop.launch.py' else [
-            'compensator', 'controller', 'plant', 'trajectory'])]

@@ -193,7 +193,7 @@ def launched(rig):
             for argument in LAUNCH_FILES['scan.launch.py']}
         return {
             process.executable: rig.start_process(
-                process.executable, '--ros-args', *process.ros_arguments)
+                process.executable, *process.command_line)
             for process in node_processes('scan.launch.py', {**values, **given})}
 
     return start

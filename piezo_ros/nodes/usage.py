@@ -1,0 +1,99 @@
+# Copyright 2026 piezo_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What a node executable answers to ``--help``, and to words that it does not know."""
+
+import dataclasses
+import sys
+import textwrap
+from collections.abc import Sequence
+from typing import Any
+
+from rclpy.utilities import remove_ros_args
+
+from piezo_ros.experiment.node_parameters import NODE_PARAMETERS
+from piezo_ros.model.parameters import constraint_of
+
+__all__ = ['answer_usage']
+
+_HELP = ('-h', '--help')
+_INDENT = ' ' * 8
+_WIDTH = 100
+
+
+def answer_usage(roles: Sequence[str], arguments: Sequence[str]) -> int | None:
+    """
+    Answer a request for help or a command line that cannot be meant.
+
+    Parameters
+    ----------
+    roles : sequence of str
+        What the process would run.
+    arguments : sequence of str
+        Its command line, the name of the executable first.
+
+    Returns
+    -------
+    int or None
+        Exit code: 0 after help, 2 after a refusal; None where the nodes shall run.
+
+    """
+    try:
+        _, *words = remove_ros_args(list(arguments))
+    except RuntimeError:
+        return None  # rclpy says what is wrong as it starts.
+    name = roles[0] if len(roles) == 1 else 'loop'
+    if any(word in _HELP for word in words):
+        print(_help(name, roles))
+        return 0
+    if words:
+        print(
+            f'{name}: unknown argument {words[0]!r}; parameters follow --ros-args, as in\n'
+            f'    {name} --ros-args -p linger_s:=5.0\n'
+            f'`{name} --help` lists them', file=sys.stderr)
+        return 2
+    return None
+
+
+def _help(name: str, roles: Sequence[str]) -> str:
+    nodes = ' and '.join(filter(None, [', '.join(roles[:-1]), roles[-1]]))
+    lines = [
+        f'usage: {name} [--ros-args [-p NAME:=VALUE]... [--params-file FILE]... [-r FROM:=TO]...]',
+        '',
+        f'Runs {nodes}, managed by the lifecycle of ROS 2, to the end of the run or to Ctrl-C.']
+    for role in roles:
+        lines += ['', f'Parameters of {role}:']
+        fields = {
+            field.name: field
+            for parameter_set in NODE_PARAMETERS[role]
+            for field in dataclasses.fields(parameter_set)}
+        for field in fields.values():
+            lines += _described(field)
+    return '\n'.join(lines)
+
+
+def _described(field: 'dataclasses.Field[Any]') -> list[str]:
+    constraint = constraint_of(field)
+    default = list(field.default) if isinstance(field.default, tuple) else field.default
+    shown = str(default).lower() if isinstance(default, bool) else str(default)
+    unit = f' {constraint.unit}' if constraint.unit else ''
+    text = constraint.description
+    if constraint.choices:
+        text += f'; one of {", ".join(constraint.choices)}'
+    elif constraint.minimum is not None and constraint.maximum is not None:
+        text += f'; {constraint.minimum:g} … {constraint.maximum:g}{unit}'
+    return [
+        *textwrap.wrap(f'{field.name} (default {shown or "empty"}{unit})', _WIDTH,
+                       initial_indent=' ' * 4, subsequent_indent=_INDENT),
+        *textwrap.wrap(text, _WIDTH, initial_indent=_INDENT, subsequent_indent=_INDENT)]
