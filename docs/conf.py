@@ -21,6 +21,8 @@ extensions = ['sphinx.ext.mathjax', 'sphinx.ext.napoleon']
 
 napoleon_google_docstring = False
 napoleon_use_rtype = False
+# Attributes as fields of their class: autodoc finds most of them too, and one is enough.
+napoleon_use_ivar = True
 
 # A heading of a Markdown page can be linked to.
 myst_heading_anchors = 4
