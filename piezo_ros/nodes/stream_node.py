@@ -109,7 +109,7 @@ class StreamNode(LifecycleNode):
 
     def create_own_publisher(
         self, message_type: Any, topic: str, qos: QoSProfile,
-        event_callbacks: PublisherEventCallbacks | None = None,
+        event_callbacks: 'PublisherEventCallbacks | None' = None,
     ) -> Publisher:
         """Create a publisher beside the streams; it goes when the node is cleaned up."""
         publisher = self.create_stream_publisher(message_type, topic, qos, event_callbacks)
