@@ -26,6 +26,7 @@ __all__ = [
     'loop',
     'plant',
     'recorder',
+    'stamped',
     'trajectory',
 ]
 
@@ -109,6 +110,18 @@ def loop() -> int:
     return _run(*_LOOP)
 
 
+def stamped() -> int:
+    """Run the onlooker that offers the streams as stamped messages."""
+    # It goes on until it is told to end, so that this is no failure.
+    signal.signal(signal.SIGINT, lambda *_: sys.exit(0))
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
+    from piezo_ros.nodes.stamped import main
+
+    return main()
+
+
 if __name__ == '__main__':
     name = sys.argv.pop(1)
+    if name == 'stamped':
+        sys.exit(stamped())
     sys.exit(_run(*_LOOP) if name == 'loop' else _run(name))
