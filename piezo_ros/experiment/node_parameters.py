@@ -43,6 +43,7 @@ __all__ = [
     'StampedParameters',
     'check_node_parameters',
     'parameter_names',
+    'parameter_sets',
 ]
 
 
@@ -233,10 +234,11 @@ ONLOOKER_PARAMETERS: Final[Mapping[str, tuple[type[ParameterSet], ...]]] = {
 def parameter_names(node: str) -> tuple[str, ...]:
     """Return the names of every parameter of a node."""
     return tuple(
-        name for parameter_set in _sets_of(node) for name in parameter_set.names())
+        name for parameter_set in parameter_sets(node) for name in parameter_set.names())
 
 
-def _sets_of(node: str) -> tuple[type[ParameterSet], ...]:
+def parameter_sets(node: str) -> tuple[type[ParameterSet], ...]:
+    """Return the parameter sets of a node, managed or onlooker."""
     return (NODE_PARAMETERS if node in NODE_PARAMETERS else ONLOOKER_PARAMETERS)[node]
 
 
@@ -264,7 +266,7 @@ def check_node_parameters(node: str, values: Mapping[str, Any]) -> dict[str, Any
     """
     complete: dict[str, Any] = {}
     known: list[str] = []
-    for parameter_set in _sets_of(node):
+    for parameter_set in parameter_sets(node):
         names = parameter_set.names()
         known += names
         own = {name: value for name, value in values.items() if name in names}

@@ -112,9 +112,12 @@ def loop() -> int:
 
 def stamped() -> int:
     """Run the onlooker that offers the streams as stamped messages."""
-    # It goes on until it is told to end, so that this is no failure.
-    signal.signal(signal.SIGINT, lambda *_: sys.exit(0))
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
+    signal.signal(signal.SIGINT, _end_start)
+    signal.signal(signal.SIGTERM, _end_start)
+    from piezo_ros.nodes.usage import answer_usage
+    code = answer_usage(['stamped'], sys.argv)
+    if code is not None:
+        return code
     from piezo_ros.nodes.stamped import main
 
     return main()

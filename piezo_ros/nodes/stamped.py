@@ -37,8 +37,8 @@ from std_msgs.msg import Float64MultiArray
 from piezo_ros.bag import STREAMS
 from piezo_ros.bag.block import MalformedBlockError, block_from_message_fields
 from piezo_ros.experiment.node_parameters import StampedParameters
-from piezo_ros.model import ParameterError
 from piezo_ros.nodes.distribution import make_events_executor, name_of_distribution
+from piezo_ros.nodes.guard import explain, guard_services
 from piezo_ros.nodes.leaving import exit_after
 from piezo_ros.nodes.middleware import set_middleware_defaults
 from piezo_ros.nodes.observation import SteadyTimer, newest_topic
@@ -153,6 +153,7 @@ class Stamped(Node):
     def __init__(self, message_type: Any) -> None:
         self._watched: set[Subscription] = set()
         super().__init__('stamped')
+        guard_services(self)
         declare(self, StampedParameters)
         settings = read(self, StampedParameters)
         self.settings = settings
@@ -278,6 +279,15 @@ class _Stop:
         self.requested = True
 
 
+def _create_node(message_type: Any) -> Stamped | None:
+    try:
+        return Stamped(message_type)
+    except (ParameterException, RuntimeError, TypeError, ValueError) as error:
+        # Names the parameter, its value and the range, or what of an overridden QoS is nonsense.
+        print(f'stamped cannot start: {explain(error)}', file=sys.stderr)
+        return None
+
+
 def main() -> int:
     """Offer the streams until the process is asked to end; return its exit code."""
     stop = _Stop()
@@ -301,14 +311,12 @@ def main() -> int:
     code = 1
     executor = make_events_executor()
     try:
-        node = Stamped(JointState)
-        executor.add_node(node)
-        while not stop.requested:
-            executor.spin_once(0.5)
-        code = 0
-    except (ParameterException, ParameterError) as error:
-        # Names the parameter, its value and the range.
-        print(error, file=sys.stderr)
+        node = _create_node(JointState)
+        if node is not None:
+            executor.add_node(node)
+            while not stop.requested:
+                executor.spin_once(0.5)
+            code = 0
     finally:
         exit_after(_LEAVE_S, code)
         executor.shutdown()

@@ -273,12 +273,22 @@ def test_a_foreign_node_shows_its_newest_sample_itself(rig, peer, listen, block)
     ({'stamp': 'sim'}, "stamp is 'sim', allowed are auto, simulated, wall"),
     ({'rate_hz': 0.0}, 'rate_hz'),
     ({'joint': "''"}, "joint is '', it must be a name"),
+    ({'qos_overrides./rig/stamped/voltage.publisher.history': 'nonsense'}, 'nonsense'),
 ])
 def test_parameters_that_cannot_be_are_refused_in_a_line(rig, parameters, words):
+    rig.namespace = '/rig'
     stamped = rig.node('stamped', **parameters)
     assert stamped.wait() == 1
     assert words in stamped.output
+    assert 'stamped cannot start' in stamped.output
     assert 'Traceback' not in stamped.output
+
+
+def test_its_help_lists_its_parameters(rig):
+    process = rig.start_process('stamped', '--help')
+    assert process.wait() == 0
+    assert 'rate_hz (default 25.0 Hz)' in process.output
+    assert 'managed' not in process.output
 
 
 def test_without_the_message_package_it_says_what_to_install(rig, tmp_path):
