@@ -16,20 +16,25 @@
 
 import signal
 import time
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, Float64MultiArray
 
 from piezo_ros.bag import STREAMS, MalformedBlockError, read
 from piezo_ros.control import ControllerParameters, TrajectoryParameters, simulate
+from piezo_ros.experiment.node_parameters import StampedParameters
 from piezo_ros.experiment.offline import simulated_streams
 from piezo_ros.experiment.plan import read_plan
 from piezo_ros.model import HysteresisParameters, RigParameters
 from piezo_ros.nodes.stamped import Sample, joint_state_fields, newest_sample, time_of
 
+EXAMPLE = Path(__file__).parents[3] / 'docs' / 'examples' / 'ros2_control'
 PERIOD_S = 1e-5
 PERIODS = 3.0
 LONG = 3000.0
@@ -140,6 +145,21 @@ def test_what_is_no_block_of_the_stream_is_refused(block, spoil):
     spoil(message)
     with pytest.raises(MalformedBlockError, match='voltage'):
         newest_sample('voltage', message)
+
+
+def test_the_example_of_ros2_control_reads_what_is_offered():
+    robot = ElementTree.parse(EXAMPLE / 'stage.urdf').getroot()
+    (joint,) = robot.findall('ros2_control/joint')
+    assert joint.get('name') == robot.find('joint').get('name') == StampedParameters().joint
+    assert [(each.tag, each.get('name')) for each in joint] == [('state_interface', 'position')]
+    parameters = {each.get('name'): each.text for each in robot.iter('param')}
+    assert parameters['joint_states_topic'] == '/stamped/displacement'
+    rig = RigParameters()
+    limit = robot.find('joint/limit')
+    assert float(limit.get('upper')) == (rig.travel_um - rig.operating_point_um) / 1e6
+    assert float(limit.get('lower')) == (rig.operating_point_um - rig.travel_um) / 1e6
+    managed = yaml.safe_load((EXAMPLE / 'controllers.yaml').read_text())
+    assert 'joint_state_broadcaster' in managed['controller_manager']['ros__parameters']
 
 
 # -- processes ------------------------------------------------------------------------------------
