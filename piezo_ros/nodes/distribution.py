@@ -25,7 +25,6 @@ __all__ = ['make_events_executor', 'name_of_distribution', 'profiles_of_fastdds'
 _DISTRIBUTIONS: Final = {'7': 'jazzy', '9': 'kilted'}
 
 
-
 def name_of_distribution() -> str:
     """
     Return the distribution that runs, such as 'jazzy'; 'unknown' where nothing tells.
