@@ -273,7 +273,8 @@ def _parameters(
         # What the scheme auto decides by.
         for name in ('frequency_hz', 'amplitude_um'):
             parameters['controller'][f'scan_{name}'] = parameters['trajectory'][name]
-    for node, own in parameters.items():
+    # The trajectory first: what the controller has of it is not what the user has given.
+    for node, own in sorted(parameters.items(), key=lambda item: item[0] != 'trajectory'):
         in_file = {}
         if node in _FILES:
             in_file = read_parameter_file(_file(node, values), [node]).get(node, {})

@@ -46,7 +46,7 @@ class PeerParameters:
     Attributes
     ----------
     parameters : dict of str to dict
-        Node name, without namespace, to its parameters.
+        Full node name to its parameters.
 
     """
 
@@ -59,7 +59,7 @@ class PeerParameters:
     @property
     def silent(self) -> list[str]:
         """What has not answered yet."""
-        silent = [name for name in self._clients if _base_name(name) not in self.parameters]
+        silent = [name for name in self._clients if name not in self.parameters]
         return silent or ([] if self._clients else ['every writer'])
 
     @property
@@ -104,10 +104,6 @@ class PeerParameters:
             names, callback=self._guarded(self._got_values, name, names))
 
     def _got_values(self, name: str, names: list[str], answer: Any) -> None:
-        self.parameters[_base_name(name)] = {
+        self.parameters[name] = {
             parameter_name: plain(parameter_value_to_python(value))
             for parameter_name, value in zip(names, answer.result().values, strict=True)}
-
-
-def _base_name(name: str) -> str:
-    return name.rpartition('/')[2]

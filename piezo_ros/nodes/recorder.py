@@ -23,6 +23,7 @@ from rclpy.parameter_client import AsyncParameterClient
 from piezo_ros.bag import BagError, BagWriter
 from piezo_ros.experiment.node_parameters import RecorderParameters
 from piezo_ros.experiment.provenance import parameters_yaml, run_metadata
+from piezo_ros.experiment.roles import parameters_by_role
 from piezo_ros.model.parameters import ParameterError
 from piezo_ros.nodes.parameters import read
 from piezo_ros.nodes.peer_parameters import PeerParameters
@@ -125,7 +126,8 @@ class Recorder(Stage):
     def _description(self) -> tuple[dict[str, str], str]:
         """Return the metadata of the run and the parameters of all nodes, as far as known."""
         parameters = self._peers.parameters
-        return run_metadata(parameters), parameters_yaml(self.get_namespace(), parameters)
+        metadata = run_metadata(parameters_by_role(parameters))
+        return metadata, parameters_yaml(self.get_namespace(), parameters)
 
     def _write_pending(self, bag: BagWriter) -> None:
         for stream, raw in self._pending:

@@ -208,7 +208,7 @@ def make_rig(tmp_path_factory):
 @pytest.fixture(scope='session')
 def write_plan(tmp_path_factory):
     """Write a plan of one waveform under some schemes, on the simulated rig of config/."""
-    def write(*schemes, periods=3):
+    def write(*schemes, periods=3, watchdog_s=60.0):
         path = tmp_path_factory.mktemp('plan') / 'plan.yaml'
         path.write_text(yaml.safe_dump({
             'format_version': 1,
@@ -216,7 +216,9 @@ def write_plan(tmp_path_factory):
                 str(ROOT / 'config' / f'{name}.yaml')
                 for name in ('rig', 'compensator', 'controller', 'trajectory')],
             'score_periods': 1,
-            'runs': [{'scheme': list(schemes), 'periods': periods}],
+            # Busy machines keep processes waiting for seconds.
+            'runs': [{'scheme': list(schemes), 'periods': periods,
+                      'plant': {'watchdog_s': watchdog_s}}],
         }))
         return path
 

@@ -30,7 +30,9 @@ def plant(rig, peer):
     def start(**parameters):
         peer.read('displacement')
         writer = peer.writer('voltage')
-        process = rig.node('plant', handshake_timeout_s=60.0, **parameters)
+        # Busy machines keep processes waiting for seconds.
+        process = rig.node(
+            'plant', handshake_timeout_s=60.0, **{'watchdog_s': 60.0, **parameters})
         peer.wait_for_status('plant', state='active')
         return process, writer
 
