@@ -13,8 +13,9 @@
 # limitations under the License.
 
 """
-A process that is held up for seconds, at any moment: no run is lost but by the watchdog, and no bag
-lacks anything.
+A process that is held up for seconds, at any moment of a run.
+
+No run is lost but by the watchdog, and no bag lacks anything.
 """
 
 import os
