@@ -26,6 +26,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.event_handler import PublisherEventCallbacks
 from std_msgs.msg import Float64, Float64MultiArray
 
+from piezo_ros.nodes.guard import guarded
 from piezo_ros.nodes.qos import DIAGNOSTICS, NEWEST
 
 if TYPE_CHECKING:
@@ -119,7 +120,8 @@ class Monitor:
         self._readers[topic] = 0
         return self._stage.create_own_publisher(
             message_type, topic, NEWEST,
-            PublisherEventCallbacks(matched=partial(self._count_readers, topic)))
+            PublisherEventCallbacks(
+                matched=guarded(self._stage, partial(self._count_readers, topic))))
 
     def _count_readers(self, topic: str, matched: Any) -> None:
         """Take the news that somebody looks at an output or does so no more; in the executor."""
