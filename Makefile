@@ -22,7 +22,8 @@ TEST_READY := $(VENV)/.stamp-test-$(ROS)
 METADATA := setup.py setup.cfg .ci/setup-venv
 SETUP_VENV = @DISTRO='$(DISTRO)' bash .ci/setup-venv $(PYTHON) $(VENV)
 # On a machine that no ROS 2 is to be had for, the same plan offline: setup-venv leaves word of it.
-RUN := $$(if [ -e $(VENV)/.no-ros ]; then cat $(VENV)/.no-ros >&2; echo simulate; else echo run; fi)
+RUN = $(if $(shell ls $(VENV)/.no-ros 2> /dev/null),simulate,run)
+TELL = @cat $(VENV)/.no-ros 2> /dev/null || true
 
 .DEFAULT_GOAL := help
 .PHONY: help demo paper bench test test-slow test-matrix lint docs clean
@@ -31,9 +32,11 @@ help:  ## this list
 	@sed -nE 's/^([a-z-]+):.*## (.*)/make \1|\2/p' Makefile | awk -F'|' '{printf "  %-16s%s\n", $$1, $$2}'
 
 demo: $(DEMO_READY)  ## set up .venv, drive the simulated rig through ROS, report into out/demo
+	$(TELL)
 	$(BIN)/piezo $(RUN) config/experiments/demo.yaml -o out/demo --force
 
 paper: $(DEMO_READY)  ## every table and figure of the paper from live runs, into out/paper
+	$(TELL)
 	$(BIN)/piezo $(RUN) config/experiments/paper.yaml -o out/paper --force
 
 bench: $(DEMO_READY)  ## measure this machine into docs/bench, several minutes; it should do nothing else
@@ -42,6 +45,7 @@ bench: $(DEMO_READY)  ## measure this machine into docs/bench, several minutes; 
 	$(BIN)/piezo bench --draw docs/bench/reference.json -o docs/bench/reference.svg
 
 test: $(TEST_READY)  ## style, types, tiers (test_lint.py) and all other tests but the slow ones
+	$(TELL)
 	$(PYTEST) $(PYTEST_ARGS)
 
 test-slow: $(TEST_READY)  ## the tests that take minutes

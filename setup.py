@@ -21,7 +21,7 @@ from setuptools import find_packages, setup
 
 PACKAGE = 'piezo_ros'
 HERE = Path(__file__).resolve().parent
-NODES = ('plant', 'compensator', 'controller', 'trajectory', 'recorder', 'loop')
+NODES = ('plant', 'compensator', 'controller', 'trajectory', 'recorder', 'loop', 'stamped')
 EXECUTABLES = (*NODES, 'piezo')
 
 # What the extra [ros], and with it `make demo` where no ROS is sourced, brings.
@@ -39,6 +39,7 @@ ROS_WHEELS = {
         'ros-lifecycle-msgs~=2.0.0',
         'ros-rcl-interfaces~=2.0.0',
         'ros-rosgraph-msgs~=2.0.0',
+        'ros-sensor-msgs~=5.3.0',
     ],
     'kilted': [
         'ros-rclpy~=9.1.0',
@@ -49,6 +50,7 @@ ROS_WHEELS = {
         'ros-lifecycle-msgs~=2.3.0',
         'ros-rcl-interfaces~=2.3.0',
         'ros-rosgraph-msgs~=2.3.0',
+        'ros-sensor-msgs~=5.5.0',
     ],
 }
 

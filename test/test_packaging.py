@@ -28,7 +28,8 @@ import pytest
 import setuptools
 
 REPOSITORY = Path(__file__).resolve().parents[1]
-EXECUTABLES = ['plant', 'compensator', 'controller', 'trajectory', 'recorder', 'loop', 'piezo']
+EXECUTABLES = [
+    'plant', 'compensator', 'controller', 'trajectory', 'recorder', 'loop', 'stamped', 'piezo']
 
 # Name in an import statement -> (name on PyPI, rosdep key).
 THIRD_PARTY = {

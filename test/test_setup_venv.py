@@ -158,8 +158,8 @@ def test_where_no_wheels_run_the_offline_half_is_installed_and_told(set_up, stan
     stand_in('uname', 'echo Linux aarch64')
     done = set_up('test')
     assert done.returncode == 0, done.stderr
-    assert 'its wheels are for Linux on x86_64, not for Linux aarch64' in done.stdout
-    assert (tmp_path / 'venv' / '.no-ros').read_text(encoding='utf-8') in done.stdout
+    told = (tmp_path / 'venv' / '.no-ros').read_text(encoding='utf-8')
+    assert 'its wheels are for Linux on x86_64, not for Linux aarch64' in told
     assert installed(tmp_path) == ['.[test]']
 
 
@@ -172,3 +172,18 @@ def test_a_shim_of_an_absent_version_is_no_python(stand_in):
     stand_in(f'python{version}', f'exec "{sys.executable}" "$@"')
     path = subprocess.run([*found, version], capture_output=True, text=True, check=True).stdout
     assert Path(path.strip()).name == f'python{version}'
+
+
+@pytest.mark.parametrize(('told', 'command'), [(None, 'run'), ('No ROS 2 here.', 'simulate')])
+def test_make_demo_simulates_where_there_is_no_ros_and_says_so(tmp_path, told, command):
+    venv = tmp_path / 'venv'
+    (venv / 'bin').mkdir(parents=True)
+    (venv / 'bin' / 'piezo').write_text('#!/bin/sh\necho "piezo $1"\n', encoding='utf-8')
+    (venv / 'bin' / 'piezo').chmod(0o755)
+    (venv / '.stamp-demo-default-wheels').touch()
+    if told:
+        (venv / '.no-ros').write_text(f'{told}\n', encoding='utf-8')
+    done = subprocess.run(
+        ['make', '--silent', 'demo', f'VENV={venv}', 'DISTRO=', 'ROS_DISTRO='], cwd=REPOSITORY,
+        capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines() == [*filter(None, [told]), f'piezo {command}']

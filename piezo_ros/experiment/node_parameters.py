@@ -31,6 +31,7 @@ from piezo_ros.model.parameters import parameter
 
 __all__ = [
     'NODE_PARAMETERS',
+    'ONLOOKER_PARAMETERS',
     'BareParameters',
     'BlockParameters',
     'DemandParameters',
@@ -39,8 +40,10 @@ __all__ = [
     'RecorderParameters',
     'SafetyParameters',
     'StageParameters',
+    'StampedParameters',
     'check_node_parameters',
     'parameter_names',
+    'parameter_sets',
 ]
 
 
@@ -189,10 +192,54 @@ NODE_PARAMETERS: Final[Mapping[str, tuple[type[ParameterSet], ...]]] = {
 }
 
 
+@dataclass(frozen=True, kw_only=True)
+class StampedParameters(ParameterSet):
+    """What is offered as stamped messages, and with which stamp."""
+
+    streams: str = parameter(
+        ','.join(STREAMS), '', 'streams to offer on stamped/<stream>, separated by commas',
+        change='start')
+    rate_hz: float = parameter(
+        25.0, 'Hz', 'wall-clock rate at which each stream is looked at; newest/<stream> itself '
+        'comes with the monitor_rate_hz of its writer', minimum=0.1, maximum=1000.0,
+        change='start')
+    stamp: str = parameter(
+        'auto', '', 'simulated: index times sample period; wall: when the writer showed the '
+        'sample; auto: simulated with use_sim_time, else wall',
+        choices=('auto', 'simulated', 'wall'), change='start')
+    joint: str = parameter(
+        'stage', '', 'name of the joint whose position a stream in um is', change='start')
+    frame_id: str = parameter('', '', 'frame_id of the header', change='start')
+
+    def check_together(self) -> None:
+        """Refuse streams that do not exist, and a joint without a name."""
+        for name in self.stream_names:
+            if name not in STREAMS:
+                raise ParameterError(f'streams has {name!r}, allowed are {", ".join(STREAMS)}')
+        if not self.joint:
+            raise ParameterError("joint is '', it must be a name")
+
+    @property
+    def stream_names(self) -> tuple[str, ...]:
+        """What is offered, as a tuple."""
+        return tuple(name.strip() for name in self.streams.split(','))
+
+
+# Node beside the loop, which is not managed -> its parameter sets.
+ONLOOKER_PARAMETERS: Final[Mapping[str, tuple[type[ParameterSet], ...]]] = {
+    'stamped': (StampedParameters,),
+}
+
+
 def parameter_names(node: str) -> tuple[str, ...]:
     """Return the names of every parameter of a node."""
     return tuple(
-        name for parameter_set in NODE_PARAMETERS[node] for name in parameter_set.names())
+        name for parameter_set in parameter_sets(node) for name in parameter_set.names())
+
+
+def parameter_sets(node: str) -> tuple[type[ParameterSet], ...]:
+    """Return the parameter sets of a node, managed or onlooker."""
+    return (NODE_PARAMETERS if node in NODE_PARAMETERS else ONLOOKER_PARAMETERS)[node]
 
 
 def check_node_parameters(node: str, values: Mapping[str, Any]) -> dict[str, Any]:
@@ -202,7 +249,7 @@ def check_node_parameters(node: str, values: Mapping[str, Any]) -> dict[str, Any
     Parameters
     ----------
     node : str
-        One of `NODE_PARAMETERS`.
+        One of `NODE_PARAMETERS` or `ONLOOKER_PARAMETERS`.
     values : mapping of str to value
         Any subset of its parameters.
 
@@ -219,7 +266,7 @@ def check_node_parameters(node: str, values: Mapping[str, Any]) -> dict[str, Any
     """
     complete: dict[str, Any] = {}
     known: list[str] = []
-    for parameter_set in NODE_PARAMETERS[node]:
+    for parameter_set in parameter_sets(node):
         names = parameter_set.names()
         known += names
         own = {name: value for name, value in values.items() if name in names}

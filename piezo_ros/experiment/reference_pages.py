@@ -25,7 +25,11 @@ from pathlib import Path
 from typing import Any, Final
 
 from piezo_ros.experiment.launching import LAUNCH_FILES, LaunchArgument
-from piezo_ros.experiment.node_parameters import NODE_PARAMETERS, StageParameters
+from piezo_ros.experiment.node_parameters import (
+    NODE_PARAMETERS,
+    ONLOOKER_PARAMETERS,
+    StageParameters,
+)
 from piezo_ros.model.parameters import CHANGES, Constraint, constraint_of
 
 __all__ = ['PAGES', 'launch_page', 'parameter_page']
@@ -50,6 +54,10 @@ def parameter_page() -> str:
     for node, sets in NODE_PARAMETERS.items():
         own = [parameter_set for parameter_set in sets if parameter_set is not StageParameters]
         lines += ['', f'## {node}', '', *_parameter_table(own)]
+    for node, sets in ONLOOKER_PARAMETERS.items():
+        lines += [
+            '', f'## {node}', '', 'It looks on, is not managed, and has these alone.', '',
+            *_parameter_table(sets)]
     return '\n'.join([*lines, ''])
 
 

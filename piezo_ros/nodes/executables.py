@@ -26,6 +26,7 @@ __all__ = [
     'loop',
     'plant',
     'recorder',
+    'stamped',
     'trajectory',
 ]
 
@@ -109,6 +110,21 @@ def loop() -> int:
     return _run(*_LOOP)
 
 
+def stamped() -> int:
+    """Run the onlooker that offers the streams as stamped messages."""
+    signal.signal(signal.SIGINT, _end_start)
+    signal.signal(signal.SIGTERM, _end_start)
+    from piezo_ros.nodes.usage import answer_usage
+    code = answer_usage(['stamped'], sys.argv)
+    if code is not None:
+        return code
+    from piezo_ros.nodes.stamped import main
+
+    return main()
+
+
 if __name__ == '__main__':
     name = sys.argv.pop(1)
+    if name == 'stamped':
+        sys.exit(stamped())
     sys.exit(_run(*_LOOP) if name == 'loop' else _run(name))

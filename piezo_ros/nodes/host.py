@@ -204,6 +204,7 @@ def _end(stage: Stage, stop: _Stop) -> None:
             stage.get_logger().info(f'ends because of {why}; no run was going on')
     else:
         why = 'another stage of this process ended'
+    stage.give_up_activation()
     stage.stop(why)
 
 

@@ -24,17 +24,26 @@ from typing import TYPE_CHECKING, Any
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.clock import Clock, ClockType
 from rclpy.event_handler import PublisherEventCallbacks
-from std_msgs.msg import Float64
+from std_msgs.msg import Float64, Float64MultiArray
 
+from piezo_ros.nodes.guard import guarded
 from piezo_ros.nodes.qos import DIAGNOSTICS, NEWEST
 
 if TYPE_CHECKING:
+    from rclpy.node import Node
+    from rclpy.publisher import Publisher
+
     from piezo_ros.nodes.stage import Stage
 
-__all__ = ['Diagnostics', 'Monitor', 'SteadyTimer']
+__all__ = ['Diagnostics', 'Monitor', 'SteadyTimer', 'newest_topic']
 
 _DIAGNOSTICS_S = 1.0
 _REPEAT_S = 1.0  # a sample that stays the newest: best effort loses some, and some come late
+
+
+def newest_topic(stream: str) -> str:
+    """Return the topic of the newest sample of a stream with its index."""
+    return f'newest/{stream}'
 
 
 class SteadyTimer:
@@ -45,17 +54,17 @@ class SteadyTimer:
 
     Parameters
     ----------
-    stage : Stage
+    node : Node
         Whose timer it is.
     callback : callable
         What to call.
 
     """
 
-    def __init__(self, stage: 'Stage', callback: Callable[[], None]) -> None:
-        self._stage = stage
+    def __init__(self, node: 'Node', callback: Callable[[], None]) -> None:
+        self._node = node
         self._callback = callback
-        self._timer = stage.create_timer(
+        self._timer = node.create_timer(
             1.0, self.call, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._timer.cancel()
 
@@ -64,7 +73,7 @@ class SteadyTimer:
         try:
             self._callback()
         except Exception:  # The executor would end for it, and every service with it.
-            self._stage.get_logger().error(traceback.format_exc(), throttle_duration_sec=10.0)
+            self._node.get_logger().error(traceback.format_exc(), throttle_duration_sec=10.0)
 
     def run_at(self, rate_hz: float) -> None:
         """Call so often from now on; 0 for never."""
@@ -78,8 +87,9 @@ class Monitor:
     """
     The newest sample of each output on ``monitor/<stream>``, for tools that plot or echo.
 
-    Best effort and at a rate of the wall clock: looking never slows a run. While nobody looks,
-    nobody is woken.
+    On ``newest/<stream>`` it is a block of one sample, for programs that want its index too. Best
+    effort and at a rate of the wall clock: looking never slows a run. While nobody looks, nobody is
+    woken.
 
     Parameters
     ----------
@@ -90,25 +100,32 @@ class Monitor:
 
     def __init__(self, stage: 'Stage') -> None:
         self._stage = stage
-        self._publishers: dict[str, Any] = {}
-        self._readers: dict[str, int] = {}
+        self._publishers: dict[str, tuple[Publisher, Publisher]] = {}
+        self._readers: dict[str, int] = {}  # of each topic
         self._shown: dict[str, tuple[int, float]] = {}  # samples sent by then, and when
         self._timer = SteadyTimer(stage, self.show)
         self._rate_hz = 0.0
         self._most_hz = 0.0  # what the moment allows
 
     def create_endpoints(self) -> None:
-        """Create a publisher for each output; they go when the stage is cleaned up."""
-        self._readers = dict.fromkeys(self._stage.writers, 0)
+        """Create the publishers of each output; they go when the stage is cleaned up."""
+        self._readers.clear()
         self._publishers = {
-            stream: self._stage.create_own_publisher(
-                Float64, f'monitor/{stream}', NEWEST,
-                PublisherEventCallbacks(matched=partial(self._count_readers, stream)))
+            stream: (
+                self._create_publisher(Float64, f'monitor/{stream}'),
+                self._create_publisher(Float64MultiArray, newest_topic(stream)))
             for stream in self._stage.writers}
 
-    def _count_readers(self, stream: str, matched: Any) -> None:
+    def _create_publisher(self, message_type: Any, topic: str) -> 'Publisher':
+        self._readers[topic] = 0
+        return self._stage.create_own_publisher(
+            message_type, topic, NEWEST,
+            PublisherEventCallbacks(
+                matched=guarded(self._stage, partial(self._count_readers, topic))))
+
+    def _count_readers(self, topic: str, matched: Any) -> None:
         """Take the news that somebody looks at an output or does so no more; in the executor."""
-        self._readers[stream] = matched.current_count
+        self._readers[topic] = matched.current_count
         self._allow(self._most_hz)
 
     def start(self) -> None:
@@ -139,14 +156,17 @@ class Monitor:
     def show(self) -> None:
         """Publish what has come since the last time, and now and then what is still the newest."""
         now_s = time.monotonic()
-        for stream, publisher in self._publishers.items():
+        for stream, (number, block) in self._publishers.items():
             writer = self._stage.writers.get(stream)
             if writer is None or not writer.sent:
                 continue
             sent, at_s = self._shown.get(stream, (0, now_s))
             if writer.sent != sent or now_s - at_s >= _REPEAT_S:
                 self._shown[stream] = writer.sent, now_s
-                publisher.publish(Float64(data=writer.newest))
+                number.publish(Float64(data=writer.newest))
+                if self._readers[newest_topic(stream)]:
+                    # One copy, so that index and sample belong together while the loop goes on.
+                    block.publish(bytes(writer.message))
 
 
 class Diagnostics:

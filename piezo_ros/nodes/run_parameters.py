@@ -25,7 +25,9 @@ __all__ = ['run_parameters']
 
 _BARE_LOOKAHEAD: Final = 1000
 _RECORDED_BLOCK_SAMPLES: Final = 1000
-_PARAMETERS_TIMEOUT_S: Final = 15.0  # a loaded machine takes its time
+# A loaded machine takes its time, and the supervisor sees who died.
+_PARAMETERS_TIMEOUT_S: Final = 15.0
+_HANDSHAKE_TIMEOUT_S: Final = 60.0
 
 
 def run_parameters(
@@ -64,6 +66,9 @@ def run_parameters(
     sections = {stage: {**planned.parameters[stage], **common} for stage in planned.stages}
     for stage in compiled:
         sections[stage]['compiled'] = True
+    for values in sections.values():
+        values['handshake_timeout_s'] = max(
+            _HANDSHAKE_TIMEOUT_S, values.get('handshake_timeout_s', 0.0))
     # Every run of a plan is one of its own, whichever process does it.
     sections['plant']['keep_state'] = False
     # Without a controller the plant demands, and only the recorder reads its displacement.
@@ -76,6 +81,7 @@ def run_parameters(
             'bag_directory': str(bag.absolute()), 'from_copies': copies,
             'linger_s': 0.0 if autostart else -1.0,
             'parameters_timeout_s': _PARAMETERS_TIMEOUT_S,
+            'handshake_timeout_s': _HANDSHAKE_TIMEOUT_S,
             'sample_period_s': planned.trajectory.sample_period_s}, **sections}
     for values in sections.values():
         values.pop('autostart', None)

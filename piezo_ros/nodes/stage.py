@@ -221,7 +221,7 @@ class Stage(StreamNode):
     @contextmanager
     def _interruptible(self) -> Iterator[None]:
         """Let a signal end the process in here: code may be compiled for a minute."""
-        self.starting = True
+        self.starting = self.is_stream_loop  # Another thread is no hindrance.
         try:
             yield
         finally:

@@ -77,9 +77,14 @@ class StreamNode(LifecycleNode):
 
     # -- between the threads ----------------------------------------------------------------------
 
+    @property
+    def is_stream_loop(self) -> bool:
+        """Whether this is called by the thread of the stream loop."""
+        return threading.get_ident() == self._thread
+
     def between_samples(self, action: Callable[[], None]) -> None:
         """Let the stream loop run an action between two samples, and wait for it."""
-        if threading.get_ident() == self._thread:
+        if self.is_stream_loop:
             action()
             return
         request = _Request(action)

@@ -22,7 +22,7 @@ from typing import Any
 
 from rclpy.utilities import remove_ros_args
 
-from piezo_ros.experiment.node_parameters import NODE_PARAMETERS
+from piezo_ros.experiment.node_parameters import NODE_PARAMETERS, parameter_sets
 from piezo_ros.model.parameters import constraint_of
 
 __all__ = ['answer_usage']
@@ -68,15 +68,17 @@ def answer_usage(roles: Sequence[str], arguments: Sequence[str]) -> int | None:
 
 def _help(name: str, roles: Sequence[str]) -> str:
     nodes = ' and '.join(filter(None, [', '.join(roles[:-1]), roles[-1]]))
+    managed = set(roles) <= NODE_PARAMETERS.keys()
     lines = [
         f'usage: {name} [--ros-args [-p NAME:=VALUE]... [--params-file FILE]... [-r FROM:=TO]...]',
         '',
-        f'Runs {nodes}, managed by the lifecycle of ROS 2, to the end of the run or to Ctrl-C.']
+        f'Runs {nodes}, managed by the lifecycle of ROS 2, to the end of the run or to Ctrl-C.'
+        if managed else f'Runs {nodes}, which looks on, to Ctrl-C.']
     for role in roles:
         lines += ['', f'Parameters of {role}:']
         fields = {
             field.name: field
-            for parameter_set in NODE_PARAMETERS[role]
+            for parameter_set in parameter_sets(role)
             for field in dataclasses.fields(parameter_set)}
         for field in fields.values():
             lines += _described(field)

@@ -28,7 +28,7 @@ import importlib, pkgutil, sys
 
 class NoRos:
     ROS = {'rclpy', 'std_msgs', 'std_srvs', 'rcl_interfaces', 'lifecycle_msgs', 'rosgraph_msgs',
-           'diagnostic_msgs', 'launch', 'launch_ros', 'ament_index_python'}
+           'diagnostic_msgs', 'sensor_msgs', 'launch', 'launch_ros', 'ament_index_python'}
 
     def find_spec(self, name, path=None, target=None):
         if name.partition('.')[0] in self.ROS:

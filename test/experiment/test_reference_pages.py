@@ -20,7 +20,11 @@ from pathlib import Path
 import pytest
 
 from piezo_ros.bag import STREAMS
-from piezo_ros.experiment.node_parameters import NODE_PARAMETERS, parameter_names
+from piezo_ros.experiment.node_parameters import (
+    NODE_PARAMETERS,
+    ONLOOKER_PARAMETERS,
+    parameter_names,
+)
 from piezo_ros.experiment.reference_pages import PAGES, main
 
 ROOT = Path(__file__).parents[2]
@@ -39,9 +43,10 @@ def test_the_page_of_parameters_has_every_one_of_every_node():
     sections = dict(zip(
         *[iter(re.split(r'^## (.*)$', PAGES['parameters.md'](), flags=re.MULTILINE)[1:])] * 2,
         strict=True))
-    assert list(sections) == ['Every node', *NODE_PARAMETERS]
-    for node in NODE_PARAMETERS:
-        listed = re.findall(r'^\| `(\w+)`', sections[node] + sections['Every node'], re.MULTILINE)
+    assert list(sections) == ['Every node', *NODE_PARAMETERS, *ONLOOKER_PARAMETERS]
+    for node in (*NODE_PARAMETERS, *ONLOOKER_PARAMETERS):
+        text = sections[node] + (sections['Every node'] if node in NODE_PARAMETERS else '')
+        listed = re.findall(r'^\| `(\w+)`', text, re.MULTILINE)
         assert sorted(listed) == sorted(parameter_names(node))
 
 

@@ -1,0 +1,324 @@
+# Copyright 2026 piezo_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+An onlooker that offers the streams as stamped messages, for the tools of ROS that want a header.
+
+It reads ``newest/<stream>``, which costs the loop no reader and no waiting; see docs/stamped.md.
+"""
+
+import signal
+import sys
+import time
+from collections.abc import Iterator
+from types import FrameType
+from typing import Any, NamedTuple
+
+import numpy as np
+import rclpy
+from rclpy.exceptions import ParameterException
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.signals import SignalHandlerOptions
+from rclpy.subscription import Subscription
+from std_msgs.msg import Float64MultiArray
+
+from piezo_ros.bag import STREAMS
+from piezo_ros.bag.block import MalformedBlockError, block_from_message_fields
+from piezo_ros.experiment.node_parameters import StampedParameters
+from piezo_ros.nodes.distribution import make_events_executor, name_of_distribution
+from piezo_ros.nodes.guard import explain, guard_services
+from piezo_ros.nodes.leaving import exit_after
+from piezo_ros.nodes.middleware import set_middleware_defaults
+from piezo_ros.nodes.observation import SteadyTimer, newest_topic
+from piezo_ros.nodes.parameters import declare, read
+from piezo_ros.nodes.qos import NEWEST, overridable
+
+__all__ = ['Sample', 'Stamped', 'joint_state_fields', 'main', 'newest_sample', 'time_of']
+
+_UM_PER_M = 1e6  # 2.5 um over this are 2.5e-6 m to the last bit
+_LATEST_S = 2**31 - 1  # that a stamp can hold
+_IDLE_HZ = 5.0  # at which it looks while nothing comes
+_IDLE_S = 3.0  # after which that is so; the newest sample is repeated after one second
+_LOOK_FOR_WRITERS_HZ = 0.2
+_WARN_S = 10.0
+_LEAVE_S = 4.0
+
+# For readers of either reliability and durability; who comes late has the last ones.
+_STAMPED = QoSProfile(
+    history=HistoryPolicy.KEEP_LAST, depth=10, reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+class Sample(NamedTuple):
+    """One sample of a stream, in the stream's unit."""
+
+    index: int  # type: ignore[assignment]  # hides tuple.index, which samples do not need
+    sample_period_s: float
+    value: float
+
+
+def newest_sample(stream: str, message: Float64MultiArray) -> Sample | None:
+    """
+    Return the last sample of a block, None for the end of its stream.
+
+    Raises
+    ------
+    MalformedBlockError
+        If the message is no block of that stream.
+
+    """
+    layout = message.layout
+    label = f'{stream}_{STREAMS[stream]}'
+    labels = [dimension.label for dimension in layout.dim]
+    if labels != [label]:
+        raise MalformedBlockError(f'layout.dim has the labels {labels}, {stream!r} has {[label]}')
+    index, sample_period_s, samples = block_from_message_fields(
+        label, layout.dim[0].size, layout.dim[0].stride, layout.data_offset,
+        np.asarray(message.data))
+    if not samples.size:
+        return None
+    return Sample(index + samples.size - 1, sample_period_s, float(samples[-1]))
+
+
+def time_of(sample: Sample) -> tuple[int, int]:
+    """
+    Return the simulated time of a sample, k·Ts, as ``clock`` and bags have it.
+
+    Returns
+    -------
+    seconds, nanoseconds : int, int
+        As in ``builtin_interfaces/msg/Time``.
+
+    Raises
+    ------
+    ValueError
+        If it is too late for that type.
+
+    """
+    seconds, nanoseconds = divmod(
+        round(sample.index * sample.sample_period_s * 1e9), 10**9)
+    if seconds > _LATEST_S:
+        raise ValueError(
+            f'sample {sample.index} with a period of {sample.sample_period_s} s is at {seconds} s, '
+            f'a stamp is at most {_LATEST_S} s')
+    return seconds, nanoseconds
+
+
+def joint_state_fields(stream: str, value: float, joint: str) -> dict[str, list[Any]]:
+    """
+    Return what a ``sensor_msgs/msg/JointState`` has of a sample beside its header.
+
+    Parameters
+    ----------
+    stream : str
+        One of `STREAMS`.
+    value : float
+        In the unit of the stream.
+    joint : str
+        The joint whose position, in metres, a length is. No message has a field for volts: they go
+        into the effort of a joint of another name, which nobody takes for a force on this one.
+
+    """
+    if STREAMS[stream] == 'um':
+        return {'name': [joint], 'position': [value / _UM_PER_M]}
+    return {'name': [f'{joint}_{stream}_{STREAMS[stream]}'], 'effort': [value]}
+
+
+class Stamped(Node):
+    """
+    Publishes the newest sample of each stream on ``stamped/<stream>``.
+
+    It never reads a stream itself: that slows the loop, and who waits for its readers would take
+    this one for the one that it needs.
+
+    Parameters
+    ----------
+    message_type : type
+        ``sensor_msgs.msg.JointState``.
+
+    """
+
+    def __init__(self, message_type: Any) -> None:
+        self._watched: set[Subscription] = set()
+        super().__init__('stamped')
+        guard_services(self)
+        declare(self, StampedParameters)
+        settings = read(self, StampedParameters)
+        self.settings = settings
+        self.message_type = message_type
+        self.is_simulated = settings.stamp == 'simulated' or (
+            settings.stamp == 'auto' and bool(self.get_parameter('use_sim_time').value))
+        self._twins = [_Twin(self, stream) for stream in settings.stream_names]
+        self._looking = SteadyTimer(self, self._look)
+        self._rate_hz = 0.0
+        self._heard_s = time.monotonic()
+        self._look_at(settings.rate_hz)
+        self._search = SteadyTimer(self, self._look_for_writers)
+        self._search.run_at(_LOOK_FOR_WRITERS_HZ)
+        self.get_logger().info(
+            f'offers {", ".join(twin.publisher.topic_name for twin in self._twins)}; the stamps '
+            f'are {"simulated time" if self.is_simulated else "of the clock on the wall"}')
+
+    def watch(self, topic: str) -> Subscription:
+        """Subscribe to a topic of newest samples, to be taken from and never waited for."""
+        subscription = self.create_subscription(
+            Float64MultiArray, topic, lambda _message: None, **overridable(NEWEST))
+        self._watched.add(subscription)
+        return subscription
+
+    @property
+    def subscriptions(self) -> Iterator[Subscription]:
+        """The subscriptions that an executor shall serve: not those that are taken from."""
+        for subscription in super().subscriptions:
+            if subscription not in self._watched:
+                yield subscription
+
+    def _look_at(self, rate_hz: float) -> None:
+        if rate_hz != self._rate_hz:
+            self._rate_hz = rate_hz
+            self._looking.run_at(rate_hz)
+
+    def _look(self) -> None:
+        now_s = time.monotonic()
+        for twin in self._twins:
+            try:
+                if twin.look():
+                    self._heard_s = now_s
+            except (MalformedBlockError, ValueError) as error:
+                self.get_logger().warning(
+                    f'refused a message on {twin.subscription.topic_name}: {error}',
+                    throttle_duration_sec=_WARN_S)
+        rate_hz = self.settings.rate_hz
+        self._look_at(rate_hz if now_s - self._heard_s < _IDLE_S else min(rate_hz, _IDLE_HZ))
+
+    def _look_for_writers(self) -> None:
+        """Tell of streams that go by unseen; whoever has been seen once is known to be there."""
+        silent = [twin for twin in self._twins if not twin.is_settled]
+        for twin in silent:
+            twin.look_for_writer()
+        if not silent:
+            self._search.run_at(0.0)
+
+
+class _Twin:
+    """
+    One stream, and the stamped messages beside it.
+
+    Parameters
+    ----------
+    node : Stamped
+        The onlooker.
+    stream : str
+        The stream.
+
+    """
+
+    def __init__(self, node: Stamped, stream: str) -> None:
+        self._node = node
+        self._stream = stream
+        self.subscription = node.watch(newest_topic(stream))
+        self.publisher = node.create_publisher(
+            node.message_type, f'stamped/{stream}', **overridable(_STAMPED))
+        self.is_settled = False  # nothing has to be told of its writer
+        self._shown: Sample | None = None
+
+    def look(self) -> bool:
+        """Publish the newest sample, unless it is shown already; return whether there was one."""
+        taken = self.subscription.handle.take_message(Float64MultiArray, False)
+        if taken is None:
+            return False
+        message, about = taken
+        sample = newest_sample(self._stream, message)
+        if sample is not None and sample != self._shown:
+            self._publish(sample, about['source_timestamp'])
+        return True
+
+    def _publish(self, sample: Sample, sent_ns: int) -> None:
+        self.is_settled = True
+        self._shown = sample
+        stamped = self._node.message_type(
+            **joint_state_fields(self._stream, sample.value, self._node.settings.joint))
+        stamp = stamped.header.stamp
+        if self._node.is_simulated:
+            stamp.sec, stamp.nanosec = time_of(sample)
+        else:
+            # A middleware that does not say when leaves it at zero.
+            stamp.sec, stamp.nanosec = divmod(sent_ns or time.time_ns(), 10**9)
+        stamped.header.frame_id = self._node.settings.frame_id
+        self.publisher.publish(stamped)
+
+    def look_for_writer(self) -> None:
+        """Tell, once, if somebody writes the stream but does not show what is newest."""
+        topic = self._node.resolve_topic_name(self._stream)
+        if self._node.count_publishers(topic) and not self.subscription.get_publisher_count():
+            self.is_settled = True
+            self._node.get_logger().warning(
+                f'{topic} has a writer, but {self.subscription.topic_name} has none; a node of '
+                'yours can publish its newest sample there, as a block of one')
+
+
+class _Stop:
+    """Remembers that the process was asked to end."""
+
+    def __init__(self) -> None:
+        self.requested = False
+
+    def __call__(self, _signal_number: int, _frame: FrameType | None) -> None:
+        self.requested = True
+
+
+def _create_node(message_type: Any) -> Stamped | None:
+    try:
+        return Stamped(message_type)
+    except (ParameterException, RuntimeError, TypeError, ValueError) as error:
+        # Names the parameter, its value and the range, or what of an overridden QoS is nonsense.
+        print(f'stamped cannot start: {explain(error)}', file=sys.stderr)
+        return None
+
+
+def main() -> int:
+    """Offer the streams until the process is asked to end; return its exit code."""
+    stop = _Stop()
+    signal.signal(signal.SIGINT, stop)
+    signal.signal(signal.SIGTERM, stop)
+    try:
+        from sensor_msgs.msg import JointState
+    except ImportError as error:
+        print(
+            f'stamped needs the ROS package sensor_msgs ({error}): install '
+            f'ros-{name_of_distribution()}-sensor-msgs, or ros-sensor-msgs where ROS comes from '
+            'PyPI; nothing else needs it', file=sys.stderr)
+        return 1
+    set_middleware_defaults()
+    try:
+        rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
+    except RuntimeError as error:
+        # No such parameter file, or arguments that ROS does not understand.
+        print(error, file=sys.stderr)
+        return 1
+    code = 1
+    executor = make_events_executor()
+    try:
+        node = _create_node(JointState)
+        if node is not None:
+            executor.add_node(node)
+            while not stop.requested:
+                executor.spin_once(0.5)
+            code = 0
+    finally:
+        exit_after(_LEAVE_S, code)
+        executor.shutdown()
+        rclpy.try_shutdown()
+    return code
