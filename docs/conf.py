@@ -27,6 +27,9 @@ napoleon_use_ivar = True
 # A heading of a Markdown page can be linked to.
 myst_heading_anchors = 4
 
+# A type that a package offers too has two pages; either will do.
+suppress_warnings = ['ref.python']
+
 # What rosdoc2 cannot tell by the names of the dependencies in package.xml; our folder launch/ looks
 # like the package of that name.
 _ASKED_BY = {
@@ -54,6 +57,12 @@ def keep_bars(app, what, name, object_, options, lines):
         for line in lines]
 
 
+def skip_namesakes(app, what, name, object_, skip, options):
+    """Leave a function that its package offers too to the page of the module it has its name of."""
+    return True if getattr(object_, '__module__', '') == f'{app.env.docname}.{name}' else None
+
+
 def setup(app):
     """Have docstrings changed as they are read, once napoleon has done its part."""
+    app.connect('autodoc-skip-member', skip_namesakes)
     app.connect('autodoc-process-docstring', keep_bars, priority=900)

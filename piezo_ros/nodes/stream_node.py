@@ -123,7 +123,7 @@ class StreamNode(LifecycleNode):
 
     def create_stream_publisher(
         self, message_type: Any, topic: str, qos: QoSProfile,
-        event_callbacks: PublisherEventCallbacks | None = None,
+        event_callbacks: 'PublisherEventCallbacks | None' = None,
     ) -> Publisher:
         """Create a publisher; raises ValueError where its QoS is overridden by nonsense."""
         with self._creating(topic):
