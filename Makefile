@@ -29,7 +29,7 @@ TELL = @cat $(VENV)/.no-ros 2> /dev/null || true
 .PHONY: help demo paper bench test test-slow test-matrix lint docs clean
 
 help:  ## this list
-	@sed -nE 's/^([a-z-]+):.*## (.*)/make \1|\2/p' Makefile | awk -F'|' '{printf "  %-16s%s\n", $$1, $$2}'
+	@sed -nE 's/^([a-z-]+):.*## (.*)/make \1|\2/p' Makefile | awk -F'|' '{printf "  %-18s%s\n", $$1, $$2}'
 
 demo: $(DEMO_READY)  ## set up .venv, drive the simulated rig through ROS, report into out/demo
 	$(TELL)
