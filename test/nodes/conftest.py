@@ -227,14 +227,18 @@ def write_plan(tmp_path_factory):
 
 @pytest.fixture
 def start_long(rig, write_plan):
-    """Start a run that takes minutes; return its command once samples are on the disk."""
+    """
+    Start a run that takes minutes; return its command once samples of the loop are on the disk.
+
+    Parameters, and what the trajectory sends before it is answered, are 20 kB.
+    """
     def start(processes):
         # 100 000 loops, and where they are quick ten million.
         plan = write_plan('fbff', periods=300 if processes == '--separate' else 30_000)
         command = rig.piezo('run', plan, '-o', rig.directory / 'out', processes)
         wait_until(
             lambda: command.exit_code is not None or any(
-                file.stat().st_size > 20_000 for file in rig.bag.glob('*.mcap')),
+                file.stat().st_size > 30_000 for file in rig.bag.glob('*.mcap')),
             'the first samples on the disk')
         assert command.exit_code is None, command.output
         return command
