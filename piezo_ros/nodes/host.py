@@ -58,6 +58,7 @@ _SHARE_SLEPT = 0.2  # of the time without input at once, by whom nobody waits fo
 _ACKNOWLEDGE_S = 20.0
 _ACKNOWLEDGE_IN_HASTE_S = 4.0
 _DISCOVER_S = 1.0  # how long a supervisor has to discover a process that it ends so soon
+_RAISE_AGAIN_S = 0.2
 _CLOSE_S = 1.0  # how long a service that is being answered may take to its end
 _LEAVE_S = 4.0  # how long the middleware may take to let the process go
 _FLOW = ('controller', 'compensator', 'plant')
@@ -86,7 +87,13 @@ class _Stop:
             stage.stop_requested = True
             stage.give_up_activation()
         if any(stage.starting for stage in self.stages):
+            # Once more: raised within a callback of the compiler, it gets lost.
+            signal.setitimer(signal.ITIMER_REAL, _RAISE_AGAIN_S)
             raise _StartInterrupted
+
+    def again(self, _signal_number: int, frame: FrameType | None) -> None:
+        """Do as if the signal came once more."""
+        self(self.signal_number, frame)
 
 
 def host(make_stages: Callable[[], Sequence[Stage]]) -> int:
@@ -108,6 +115,8 @@ def host(make_stages: Callable[[], Sequence[Stage]]) -> int:
     stop = _Stop()
     signal.signal(signal.SIGINT, stop)
     signal.signal(signal.SIGTERM, stop)
+    signal.signal(signal.SIGALRM, stop.again)
+    sys.unraisablehook = _tell_unraisable
     set_middleware_defaults()
     # Of a client that this process has not discovered yet; it hears nothing and asks again.
     warnings.filterwarnings('ignore', 'failed to send response', RuntimeWarning)
@@ -124,6 +133,12 @@ def host(make_stages: Callable[[], Sequence[Stage]]) -> int:
         stop.stages = []
         gc.collect()
         rclpy.try_shutdown()
+
+
+def _tell_unraisable(unraisable: Any) -> None:
+    """Tell of what was raised where nobody could catch it, but for interrupted starts."""
+    if not issubclass(unraisable.exc_type, _StartInterrupted):
+        sys.__unraisablehook__(unraisable)
 
 
 def _serve(make_stages: Callable[[], Sequence[Stage]], stop: _Stop) -> int:

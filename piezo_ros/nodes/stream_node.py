@@ -68,9 +68,9 @@ class StreamNode(LifecycleNode):
         self.own_publishers: list[Publisher] = []
         self._hidden_services: list[Service] = []
         super().__init__(name, **arguments)
-        guard_services(self)
         self.transitions = TransitionServer(self)
         self._hidden_services.append(self.transitions.service)
+        guard_services(self)
         self.wake: Callable[[], None] = lambda: None  # the stream loop, when nothing is running
         self._thread = threading.get_ident()
         self._requests: deque[_Request] = deque()

@@ -21,7 +21,7 @@ process waiting with it: parameters, ``get_state``, ``~/stop``.
 
 import threading
 from contextlib import suppress
-from typing import Any, Final
+from typing import Any, Final, cast
 
 from lifecycle_msgs.srv import ChangeState
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
@@ -59,9 +59,11 @@ class TransitionServer:
             service for service in node.services if service.service_name.endswith(_NAME))
         self.lock = threading.Lock()
         self._node = node
-        self._serve = guarded_service(node, self.service.callback)
+        self._change_state = self.service.callback
+        self._serve = guarded_service(node, self._make_transition)
         self._closing = threading.Event()
-        self._wake = _rclpy.GuardCondition(node.context.handle)
+        self._context = cast(Any, node.context.handle)
+        self._wake = _rclpy.GuardCondition(self._context)
         self._thread = threading.Thread(
             target=self._run, name='transitions', daemon=True)
 
@@ -77,7 +79,7 @@ class TransitionServer:
         return not self._thread.is_alive()
 
     def _run(self) -> None:
-        waiting: Any = _rclpy.WaitSet(0, 1, 0, 0, 1, 0, self._node.context.handle)
+        waiting: Any = _rclpy.WaitSet(0, 1, 0, 0, 1, 0, self._context)
         while not self._closing.is_set():
             waiting.clear_entities()
             waiting.add_guard_condition(self._wake)
@@ -85,7 +87,18 @@ class TransitionServer:
             waiting.wait(_WAIT_NS)
             self._answer()
 
+    def _make_transition(self, request: Any, response: Any) -> Any:
+        try:
+            return self._change_state(request, response)
+        except _rclpy.RCLError:
+            # Jazzy raises where a state does not have the transition; Kilted answers.
+            self._node.get_logger().warning(
+                f'transition {request.transition.label or request.transition.id} is none of the '
+                'present state')
+            return ChangeState.Response(success=False)
+
     def _answer(self) -> None:
+        header: Any
         request, header = self.service.handle.service_take_request(ChangeState.Request)
         if request is None:
             return
