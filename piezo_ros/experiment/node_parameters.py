@@ -166,6 +166,9 @@ class RecorderParameters(ParameterSet):
         3.0, 's', 'how long to wait for the parameters of the other nodes',
         minimum=0.0, maximum=1e6)
 
+    parameters_file: str = parameter(
+        '', '', 'parameter file of the other nodes, for what these do not tell themselves in time')
+
     def check_together(self) -> None:
         """Refuse streams that do not exist."""
         for stream in self.stream_names:

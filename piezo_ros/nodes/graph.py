@@ -125,10 +125,10 @@ class GraphRunner(Supervisor):
 
     def _parameter_files(self, planned: PlannedRun, bag: Path) -> list[str]:
         """Write the parameter file of the run and return the arguments that load it."""
+        path = self._directory / 'parameters' / f'{planned.name}.yaml'
         sections = run_parameters(
             planned, bag, record=self._record, autostart=True,
-            compiled=planned.stages if self._composed else _worth_compiling(planned))
-        path = self._directory / 'parameters' / f'{planned.name}.yaml'
+            compiled=planned.stages if self._composed else _worth_compiling(planned), file=path)
         path.parent.mkdir(exist_ok=True)
         path.write_text(yaml.safe_dump({
             f'{self._namespace}/{node}': {'ros__parameters': dict(values)}

@@ -78,6 +78,7 @@ class _Stop:
     def __init__(self) -> None:
         self.signal_number = 0
         self.is_wanted = False  # that no run begins
+        self._interrupted = False  # a start has been
         self.wake = threading.Event()
         self.stages: list[Stage] = []
 
@@ -89,7 +90,13 @@ class _Stop:
         if any(stage.starting for stage in self.stages):
             # Once more: raised within a callback of the compiler, it gets lost.
             signal.setitimer(signal.ITIMER_REAL, _RAISE_AGAIN_S)
+            self._interrupted = True
             raise _StartInterrupted
+
+    def tell_unraisable(self, unraisable: Any) -> None:
+        """Tell of what was raised where nobody can catch it; a compiler cut off says nothing."""
+        if not self._interrupted:
+            sys.__unraisablehook__(unraisable)
 
     def again(self, _signal_number: int, frame: FrameType | None) -> None:
         """Do as if the signal came once more."""
@@ -116,7 +123,7 @@ def host(make_stages: Callable[[], Sequence[Stage]]) -> int:
     signal.signal(signal.SIGINT, stop)
     signal.signal(signal.SIGTERM, stop)
     signal.signal(signal.SIGALRM, stop.again)
-    sys.unraisablehook = _tell_unraisable
+    sys.unraisablehook = stop.tell_unraisable
     set_middleware_defaults()
     # Of a client that this process has not discovered yet; it hears nothing and asks again.
     warnings.filterwarnings('ignore', 'failed to send response', RuntimeWarning)
@@ -133,12 +140,6 @@ def host(make_stages: Callable[[], Sequence[Stage]]) -> int:
         stop.stages = []
         gc.collect()
         rclpy.try_shutdown()
-
-
-def _tell_unraisable(unraisable: Any) -> None:
-    """Tell of what was raised where nobody could catch it, but for interrupted starts."""
-    if not issubclass(unraisable.exc_type, _StartInterrupted):
-        sys.__unraisablehook__(unraisable)
 
 
 def _serve(make_stages: Callable[[], Sequence[Stage]], stop: _Stop) -> int:

@@ -22,6 +22,7 @@ from rclpy.parameter_client import AsyncParameterClient
 
 from piezo_ros.bag import BagError, BagWriter
 from piezo_ros.experiment.node_parameters import RecorderParameters
+from piezo_ros.experiment.parameter_file import read_parameter_file
 from piezo_ros.experiment.provenance import parameters_yaml, run_metadata
 from piezo_ros.experiment.roles import parameters_by_role
 from piezo_ros.model.parameters import ParameterError
@@ -34,6 +35,7 @@ from piezo_ros.nodes.streams import StreamFault
 
 __all__ = ['Recorder']
 
+_LOOP = ('compensator', 'controller', 'plant', 'trajectory')
 _AT_ONCE = 64  # blocks of one stream before the next one's turn
 _SETTLE_S = 0.2  # how long a stopped recorder waits for what is still on its way
 _SETTLE_AT_MOST_S = 2.0  # how long it takes what comes: the others may go on regardless
@@ -125,9 +127,17 @@ class Recorder(Stage):
 
     def _description(self) -> tuple[dict[str, str], str]:
         """Return the metadata of the run and the parameters of all nodes, as far as known."""
-        parameters = self._peers.parameters
+        parameters = {**self._written_parameters(), **self._peers.parameters}
         metadata = run_metadata(parameters_by_role(parameters))
         return metadata, parameters_yaml(self.get_namespace(), parameters)
+
+    def _written_parameters(self) -> dict[str, dict[str, Any]]:
+        """Return what a file says of the nodes, by full name."""
+        if not self._recording.parameters_file:
+            return {}
+        prefix = self.get_namespace().rstrip('/')
+        sections = read_parameter_file(Path(self._recording.parameters_file), _LOOP)
+        return {f'{prefix}/{role}': values for role, values in sections.items()}
 
     def _write_pending(self, bag: BagWriter) -> None:
         for stream, raw in self._pending:
@@ -160,6 +170,8 @@ class Recorder(Stage):
             self.note_fault(f'cannot finish the bag: {error}')
         self._bag = None
         for name in self._peers.owing:
+            if name in self._written_parameters():
+                continue
             self.note_fault(
                 f'{name} has not told its parameters within '
                 f'{self._recording.parameters_timeout_s:g} s; the bag lacks them')

@@ -32,7 +32,7 @@ _HANDSHAKE_TIMEOUT_S: Final = 60.0
 
 def run_parameters(
     planned: PlannedRun, bag: Path, *, record: bool, autostart: bool,
-    compiled: Collection[str] = (),
+    compiled: Collection[str] = (), file: Path | None = None,
 ) -> dict[str, dict[str, Any]]:
     """
     Return the parameters of every node of a run.
@@ -49,6 +49,9 @@ def run_parameters(
         Whether the nodes bring themselves up; where not, they have been told at their start.
     compiled : collection of str
         Stages that compute in compiled code, beside those of which the plan says so.
+    file : Path, optional
+        Where the parameters will be written: the recorder takes from there what a node that is
+        held up to the end does not tell.
 
     Returns
     -------
@@ -82,6 +85,7 @@ def run_parameters(
             'linger_s': 0.0 if autostart else -1.0,
             'parameters_timeout_s': _PARAMETERS_TIMEOUT_S,
             'handshake_timeout_s': _HANDSHAKE_TIMEOUT_S,
+            'parameters_file': '' if file is None else str(file.absolute()),
             'sample_period_s': planned.trajectory.sample_period_s}, **sections}
     for values in sections.values():
         values.pop('autostart', None)

@@ -205,6 +205,8 @@ class Stage(StreamNode):
             self._monitor.create_endpoints()
         except Exception as error:  # rclpy would swallow it.
             self.in_executor(self._destroy_endpoints)
+            if self.stop_requested:  # what an interrupted compiler raises says nothing
+                return self._give_up('stopped while getting ready')
             return self._refuse('configure', error)
         self.is_configured = True
         self.reason = ''
@@ -254,9 +256,12 @@ class Stage(StreamNode):
             self._take_changed_parameters()
             missing = await_peers(self)
             if missing:
-                return self._give_up() if self.given_up else self._refuse('activate', missing)
+                return self._give_up(missing) if self.given_up else self._refuse(
+                    'activate', missing)
             self.between_samples(self._begin)
         except Exception as error:  # rclpy would swallow it.
+            if self.stop_requested:
+                return self._give_up('stopped while getting ready')
             return self._refuse('activate', error)
         finally:
             self.activating = self.given_up = False
@@ -278,11 +283,11 @@ class Stage(StreamNode):
         self._report('active')
         self.get_logger().info(f'run {self.run_number} begins')
 
-    def _give_up(self) -> TransitionCallbackReturn:
+    def _give_up(self, why: str) -> TransitionCallbackReturn:
         """Say that somebody wanted no run after all."""
         self.was_given_up = True
-        self.reason = 'stopped while waiting for the peers'
-        self.get_logger().info(self.reason)
+        self.reason = why
+        self.get_logger().info(why)
         self._report(self.activity)
         return TransitionCallbackReturn.FAILURE
 
