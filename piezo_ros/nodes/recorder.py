@@ -21,6 +21,7 @@ from typing import Any
 from rclpy.parameter_client import AsyncParameterClient
 
 from piezo_ros.bag import BagError, BagWriter
+from piezo_ros.experiment.launching import STAGES
 from piezo_ros.experiment.node_parameters import RecorderParameters
 from piezo_ros.experiment.parameter_file import read_parameter_file
 from piezo_ros.experiment.provenance import parameters_yaml, run_metadata
@@ -35,7 +36,6 @@ from piezo_ros.nodes.streams import StreamFault
 
 __all__ = ['Recorder']
 
-_LOOP = ('compensator', 'controller', 'plant', 'trajectory')
 _AT_ONCE = 64  # blocks of one stream before the next one's turn
 _SETTLE_S = 0.2  # how long a stopped recorder waits for what is still on its way
 _SETTLE_AT_MOST_S = 2.0  # how long it takes what comes: the others may go on regardless
@@ -136,7 +136,7 @@ class Recorder(Stage):
         if not self._recording.parameters_file:
             return {}
         prefix = self.get_namespace().rstrip('/')
-        sections = read_parameter_file(Path(self._recording.parameters_file), _LOOP)
+        sections = read_parameter_file(Path(self._recording.parameters_file), STAGES)
         return {f'{prefix}/{role}': values for role, values in sections.items()}
 
     def _write_pending(self, bag: BagWriter) -> None:
@@ -169,9 +169,7 @@ class Recorder(Stage):
         except BagError as error:
             self.note_fault(f'cannot finish the bag: {error}')
         self._bag = None
-        for name in self._peers.owing:
-            if name in self._written_parameters():
-                continue
+        for name in sorted(set(self._peers.owing) - self._written_parameters().keys()):
             self.note_fault(
                 f'{name} has not told its parameters within '
                 f'{self._recording.parameters_timeout_s:g} s; the bag lacks them')
