@@ -17,12 +17,15 @@ import os
 
 from hypothesis import HealthCheck, settings
 
-# Before any test module imports rclpy or matplotlib; subprocesses inherit it. Stale shared-memory
-# segments of killed processes would make endpoints match without data, hence UDP.
+from piezo_ros.matrix_threads import use_one_thread
+
+# Before any test module imports rclpy, matplotlib or NumPy; subprocesses inherit it. Stale
+# shared-memory segments of killed processes would make endpoints match without data, hence UDP.
 os.environ['FASTDDS_BUILTIN_TRANSPORTS'] = 'UDPv4'
 os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
 os.environ['ROS_DOMAIN_ID'] = str(1 + os.getpid() % 100)
 os.environ['MPLBACKEND'] = 'Agg'
+use_one_thread()
 
 # Busy machines keep a process waiting for seconds: no examples are too slow for that.
 settings.register_profile('patient', deadline=None, suppress_health_check=[HealthCheck.too_slow])

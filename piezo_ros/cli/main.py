@@ -18,6 +18,8 @@ import argparse
 import sys
 from collections.abc import Sequence
 
+from piezo_ros.matrix_threads import use_one_thread
+
 __all__ = ['main']
 
 EXIT_DONE, EXIT_FAILED, EXIT_USAGE, EXIT_LOSS = range(4)
@@ -46,6 +48,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(arguments: Sequence[str] | None) -> int:
+    use_one_thread()
     # Here, so that a Ctrl-C in the first moments finds somebody who takes it.
     from piezo_ros.cli import (
         bag,

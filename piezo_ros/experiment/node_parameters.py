@@ -63,8 +63,8 @@ class StageParameters(ParameterSet):
         0.5, 's', 'how long an input may be without a writer during a run',
         minimum=0.0, maximum=1e6, change='running')
     required_readers: int = parameter(
-        1, '', 'readers that each output, with its copy, needs before the run starts: 2 with a '
-        'recorder',
+        1, '', 'reliable readers that each output, with its copy, needs before the run starts: 2 '
+        'with a recorder',
         minimum=0, maximum=1000)
     recorded_block_samples: int = parameter(
         0, 'samples', 'largest block of recorded/<stream>, a copy of each output for a recorder '

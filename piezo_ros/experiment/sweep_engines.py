@@ -26,13 +26,11 @@ from typing import Any, Final
 
 from piezo_ros.experiment.errors import CampaignError
 from piezo_ros.experiment.sweep import Engine, SweepWork, do_runs
+from piezo_ros.matrix_threads import ONE_THREAD
 
 __all__ = ['dask_engine', 'local_engine']
 
 _MOST_ATTEMPTS: Final = 3  # of runs whose worker is killed again and again
-# One worker for each core: threads of the matrix library beside them only get in the way.
-_ONE_THREAD: Final = dict.fromkeys(
-    ('OMP_NUM_THREADS', 'OPENBLAS_NUM_THREADS', 'MKL_NUM_THREADS'), '1')
 
 _Batch = Sequence[int]
 _Take = Callable[[Sequence[Mapping[str, Any]]], None]
@@ -101,7 +99,8 @@ class _Pool:
                 f'{_MOST_ATTEMPTS} times (out of memory?)')
 
     def _submit(self, place: int, batch: _Batch) -> Future[list[dict[str, Any]]]:
-        with _environment(_ONE_THREAD):  # the first task starts the process
+        # The first task starts the process. There is one for each core already.
+        with _environment(ONE_THREAD):
             try:
                 return self._executors[place].submit(do_runs, self._work, batch)
             except BrokenProcessPool:  # killed while it had nothing to do

@@ -19,6 +19,8 @@ import os
 import signal
 import sys
 
+from piezo_ros.matrix_threads import use_one_thread
+
 __all__ = [
     'PARENT_VARIABLE',
     'compensator',
@@ -43,6 +45,7 @@ def _run(*names: str) -> int:
     signal.signal(signal.SIGINT, _end_start)
     signal.signal(signal.SIGTERM, _end_start)
     _follow_parent()
+    use_one_thread()
     from importlib import import_module
 
     from piezo_ros.nodes.usage import answer_usage

@@ -97,8 +97,9 @@ def _wrong_number(topic: str, writers: int) -> str:
 def _missing_reader(stage: 'Stage') -> str:
     needed = stage.settings.required_readers
     for writer in stage.writers.values():
-        # A recorder reads the stream or its copy.
-        readers = sum(publisher.get_subscription_count() for publisher in writer.publishers)
+        readers = writer.count_readers()
         if readers < needed:
-            return f'{writer.publisher.topic_name} has {readers} readers, {needed} are needed'
+            return (
+                f'{writer.publisher.topic_name} has {readers} reliable readers, {needed} are '
+                'needed')
     return ''

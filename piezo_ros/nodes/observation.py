@@ -16,26 +16,23 @@
 
 import math
 import time
-import traceback
-from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from rclpy.clock import Clock, ClockType
 from rclpy.event_handler import PublisherEventCallbacks
 from std_msgs.msg import Float64, Float64MultiArray
 
 from piezo_ros.nodes.guard import guarded
 from piezo_ros.nodes.qos import DIAGNOSTICS, NEWEST
+from piezo_ros.nodes.steady_timer import SteadyTimer
 
 if TYPE_CHECKING:
-    from rclpy.node import Node
     from rclpy.publisher import Publisher
 
     from piezo_ros.nodes.stage import Stage
 
-__all__ = ['Diagnostics', 'Monitor', 'SteadyTimer', 'newest_topic']
+__all__ = ['Diagnostics', 'Monitor', 'newest_topic']
 
 _DIAGNOSTICS_S = 1.0
 _REPEAT_S = 1.0  # a sample that stays the newest: best effort loses some, and some come late
@@ -44,43 +41,6 @@ _REPEAT_S = 1.0  # a sample that stays the newest: best effort loses some, and s
 def newest_topic(stream: str) -> str:
     """Return the topic of the newest sample of a stream with its index."""
     return f'newest/{stream}'
-
-
-class SteadyTimer:
-    """
-    A timer of the executor on the steady clock, off until it is given a rate.
-
-    Whatever it calls runs beside the stream loop, so that it goes on while that one waits.
-
-    Parameters
-    ----------
-    node : Node
-        Whose timer it is.
-    callback : callable
-        What to call.
-
-    """
-
-    def __init__(self, node: 'Node', callback: Callable[[], None]) -> None:
-        self._node = node
-        self._callback = callback
-        self._timer = node.create_timer(
-            1.0, self.call, clock=Clock(clock_type=ClockType.STEADY_TIME))
-        self._timer.cancel()
-
-    def call(self) -> None:
-        """Call it now; what goes wrong is logged."""
-        try:
-            self._callback()
-        except Exception:  # The executor would end for it, and every service with it.
-            self._node.get_logger().error(traceback.format_exc(), throttle_duration_sec=10.0)
-
-    def run_at(self, rate_hz: float) -> None:
-        """Call so often from now on; 0 for never."""
-        self._timer.cancel()
-        if rate_hz > 0.0:
-            self._timer.timer_period_ns = round(1e9 / rate_hz)
-            self._timer.reset()
 
 
 class Monitor:
@@ -103,7 +63,7 @@ class Monitor:
         self._publishers: dict[str, tuple[Publisher, Publisher]] = {}
         self._readers: dict[str, int] = {}  # of each topic
         self._shown: dict[str, tuple[int, float]] = {}  # samples sent by then, and when
-        self._timer = SteadyTimer(stage, self.show)
+        self._timer = SteadyTimer(stage, self.show, self._present_hz)
         self._rate_hz = 0.0
         self._most_hz = 0.0  # what the moment allows
 
@@ -126,7 +86,7 @@ class Monitor:
     def _count_readers(self, topic: str, matched: Any) -> None:
         """Take the news that somebody looks at an output or does so no more; in the executor."""
         self._readers[topic] = matched.current_count
-        self._allow(self._most_hz)
+        self._timer.update()
 
     def start(self) -> None:
         """Show what a run sends from now on."""
@@ -145,13 +105,15 @@ class Monitor:
 
     def use_rate(self, rate_hz: float) -> None:
         """Show so often while a run goes on; 0 for never."""
-        if rate_hz != self._rate_hz:
-            self._rate_hz = rate_hz
-            self._allow(self._most_hz)
+        self._rate_hz = rate_hz
+        self._timer.update()
 
     def _allow(self, most_hz: float) -> None:
         self._most_hz = most_hz
-        self._timer.run_at(min(self._rate_hz, most_hz) if any(self._readers.values()) else 0.0)
+        self._timer.update()
+
+    def _present_hz(self) -> float:
+        return min(self._rate_hz, self._most_hz) if any(self._readers.values()) else 0.0
 
     def show(self) -> None:
         """Publish what has come since the last time, and now and then what is still the newest."""
@@ -186,7 +148,7 @@ class Diagnostics:
         self._publisher = stage.create_publisher(DiagnosticArray, '/diagnostics', DIAGNOSTICS)
         self._before: dict[str, int] = {}
         self._at_s = time.monotonic()
-        SteadyTimer(stage, self.show).run_at(1.0 / _DIAGNOSTICS_S)
+        SteadyTimer(stage, self.show, lambda: 1.0 / _DIAGNOSTICS_S).update()
 
     def show(self) -> None:
         """Publish the present health."""

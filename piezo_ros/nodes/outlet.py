@@ -18,7 +18,7 @@ import time
 from typing import TYPE_CHECKING, Any
 
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
-from rclpy.qos import ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from std_msgs.msg import Float64MultiArray
 
 from piezo_ros.nodes.qos import STREAM
@@ -56,6 +56,8 @@ class Outlet:
         self.publisher = stage.create_stream_publisher(Float64MultiArray, topic, STREAM)
         self.is_waiting = False
         self._stage = stage
+        self._is_best_effort = (
+            self.publisher.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT)
         # It takes a bytearray as well, whatever its types say.
         self.publish_raw: Any = self.publisher.handle.publish_raw
 
@@ -85,10 +87,31 @@ class Outlet:
                 pass
         self.is_waiting = False
 
+    def count_readers(self) -> int:
+        """
+        Return the number of matched readers that lose nothing.
+
+        Best-effort readers are onlookers, as ``ros2 topic echo`` beside a loop is; they count only
+        where the topic itself is overridden to be best effort.
+        """
+        matched = self.publisher.get_subscription_count()
+        if self._is_best_effort or not matched:
+            return matched
+        # The volatile ones alone match: the stream keeps nothing for who asks for more.
+        onlookers = sum(
+            endpoint.qos_profile.durability == DurabilityPolicy.VOLATILE
+            for endpoint in self._readers(ReliabilityPolicy.BEST_EFFORT))
+        return max(matched - onlookers, 0)
+
     def _reader_names(self) -> str:
         """Return the nodes that read; the middleware does not tell which one is behind."""
         names = sorted({
             f'{endpoint.node_namespace.rstrip("/")}/{endpoint.node_name}'
-            for endpoint in self._stage.get_subscriptions_info_by_topic(self.publisher.topic_name)
-            if endpoint.qos_profile.reliability == ReliabilityPolicy.RELIABLE})
+            for endpoint in self._readers(ReliabilityPolicy.RELIABLE)})
         return ' or '.join(names) or 'of unknown name'
+
+    def _readers(self, reliability: ReliabilityPolicy) -> list[Any]:
+        return [
+            endpoint for endpoint
+            in self._stage.get_subscriptions_info_by_topic(self.publisher.topic_name)
+            if endpoint.qos_profile.reliability == reliability]

@@ -18,8 +18,8 @@ from typing import TYPE_CHECKING
 
 from rosgraph_msgs.msg import Clock
 
-from piezo_ros.nodes.observation import SteadyTimer
 from piezo_ros.nodes.qos import CLOCK
+from piezo_ros.nodes.steady_timer import SteadyTimer
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -49,18 +49,21 @@ class SimulatedClock:
         self._period_s = 0.0
         self._shown = -1
         self._publisher = stage.create_own_publisher(Clock, 'clock', CLOCK)
-        self._timer = SteadyTimer(stage, self.show)
+        self._runs = False
+        self._timer = SteadyTimer(stage, self.show, lambda: _RATE_HZ if self._runs else 0.0)
 
     def start(self, sample_period_s: float) -> None:
         """Begin a run, from its first sample on."""
         self._period_s = sample_period_s
         self._shown = -1
-        self._timer.run_at(_RATE_HZ)
+        self._runs = True
+        self._timer.update()
 
     def stop(self) -> None:
         """Show the last sample and stand still."""
-        self._timer.run_at(0.0)
-        self.show()
+        self._runs = False
+        self._timer.update()
+        self._timer.call()
 
     def show(self) -> None:
         """Publish the present time, unless it is the same as before."""

@@ -41,9 +41,10 @@ from piezo_ros.nodes.distribution import make_events_executor, name_of_distribut
 from piezo_ros.nodes.guard import explain, guard_services
 from piezo_ros.nodes.leaving import exit_after
 from piezo_ros.nodes.middleware import set_middleware_defaults
-from piezo_ros.nodes.observation import SteadyTimer, newest_topic
+from piezo_ros.nodes.observation import newest_topic
 from piezo_ros.nodes.parameters import declare, read
 from piezo_ros.nodes.qos import NEWEST, overridable
+from piezo_ros.nodes.steady_timer import SteadyTimer
 
 __all__ = ['Sample', 'Stamped', 'joint_state_fields', 'main', 'newest_sample', 'time_of']
 
@@ -140,8 +141,7 @@ class Stamped(Node):
     """
     Publishes the newest sample of each stream on ``stamped/<stream>``.
 
-    It never reads a stream itself: that slows the loop, and who waits for its readers would take
-    this one for the one that it needs.
+    It never reads a stream itself: that slows the loop.
 
     Parameters
     ----------
@@ -161,12 +161,11 @@ class Stamped(Node):
         self.is_simulated = settings.stamp == 'simulated' or (
             settings.stamp == 'auto' and bool(self.get_parameter('use_sim_time').value))
         self._twins = [_Twin(self, stream) for stream in settings.stream_names]
-        self._looking = SteadyTimer(self, self._look)
-        self._rate_hz = 0.0
         self._heard_s = time.monotonic()
-        self._look_at(settings.rate_hz)
-        self._search = SteadyTimer(self, self._look_for_writers)
-        self._search.run_at(_LOOK_FOR_WRITERS_HZ)
+        self._looking = SteadyTimer(self, self._look, self._looking_hz)
+        self._looking.update()
+        self._search = SteadyTimer(self, self._look_for_writers, self._search_hz)
+        self._search.update()
         self.get_logger().info(
             f'offers {", ".join(twin.publisher.topic_name for twin in self._twins)}; the stamps '
             f'are {"simulated time" if self.is_simulated else "of the clock on the wall"}')
@@ -185,10 +184,10 @@ class Stamped(Node):
             if subscription not in self._watched:
                 yield subscription
 
-    def _look_at(self, rate_hz: float) -> None:
-        if rate_hz != self._rate_hz:
-            self._rate_hz = rate_hz
-            self._looking.run_at(rate_hz)
+    def _looking_hz(self) -> float:
+        rate_hz = self.settings.rate_hz
+        is_idle = time.monotonic() - self._heard_s >= _IDLE_S
+        return min(rate_hz, _IDLE_HZ) if is_idle else rate_hz
 
     def _look(self) -> None:
         now_s = time.monotonic()
@@ -200,16 +199,17 @@ class Stamped(Node):
                 self.get_logger().warning(
                     f'refused a message on {twin.subscription.topic_name}: {error}',
                     throttle_duration_sec=_WARN_S)
-        rate_hz = self.settings.rate_hz
-        self._look_at(rate_hz if now_s - self._heard_s < _IDLE_S else min(rate_hz, _IDLE_HZ))
+        self._looking.update()
+
+    def _search_hz(self) -> float:
+        return 0.0 if all(twin.is_settled for twin in self._twins) else _LOOK_FOR_WRITERS_HZ
 
     def _look_for_writers(self) -> None:
-        """Tell of streams that go by unseen; whoever has been seen once is known to be there."""
-        silent = [twin for twin in self._twins if not twin.is_settled]
-        for twin in silent:
-            twin.look_for_writer()
-        if not silent:
-            self._search.run_at(0.0)
+        """Tell of streams that go by unseen; a stream that was seen once has its writer."""
+        for twin in self._twins:
+            if not twin.is_settled:
+                twin.look_for_writer()
+        self._search.update()
 
 
 class _Twin:

@@ -116,8 +116,15 @@ class StreamWriter:
     @property
     def publishers(self) -> list[Publisher]:
         """What publishes: the stream, and its copy where there is one."""
-        outlets = [self.outlet, self.copy.outlet] if self.copy else [self.outlet]
-        return [outlet.publisher for outlet in outlets]
+        return [outlet.publisher for outlet in self._outlets]
+
+    @property
+    def _outlets(self) -> list[Outlet]:
+        return [self.outlet, self.copy.outlet] if self.copy else [self.outlet]
+
+    def count_readers(self) -> int:
+        """Return the number of readers of the stream or its copy that lose nothing."""
+        return sum(outlet.count_readers() for outlet in self._outlets)
 
     @property
     def is_waiting(self) -> bool:

@@ -165,8 +165,6 @@ def test_the_example_of_ros2_control_reads_what_is_offered():
 # -- processes ------------------------------------------------------------------------------------
 
 
-# Once in a few dozen runs the last sample of one stream is not shown again.
-@pytest.mark.slow
 def test_every_message_has_the_stamp_the_unit_and_the_value_of_its_sample(
         rig, peer, listen, expected):
     stamped = rig.node('stamped', stamp='simulated', frame_id='base', rate_hz=200.0)

@@ -20,6 +20,8 @@ import time
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 from rcl_interfaces.srv import GetParameters
+from rclpy.qos import qos_profile_sensor_data
+from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 
 
@@ -72,10 +74,31 @@ def test_one_that_starts_itself_waits_in_the_same_way(rig, peer):
 
 
 def test_a_time_limit_does_not_count_a_standstill(rig, peer):
-    process = rig.node('compensator', handshake_timeout_s=3.0, required_readers=0)
+    process = rig.node('compensator', handshake_timeout_s=8.0, required_readers=0)
     peer.wait(lambda: peer.state('compensator') == 'activating', 'the activation to begin')
     process.send(signal.SIGSTOP)
-    time.sleep(4.0)
+    time.sleep(9.0)
     peer.writer('command')
     process.send(signal.SIGCONT)
+    peer.wait_for_status('compensator', state='active')
+
+
+def test_an_onlooker_with_best_effort_is_no_reader_to_begin_for(rig, peer):
+    onlooker = peer.node.create_subscription(
+        Float64MultiArray, 'voltage', lambda _message: None, qos_profile_sensor_data)
+    peer.writer('command')
+    process = rig.node('compensator', handshake_timeout_s=1e5)
+    process.wait_for('voltage has 0 reliable readers, 1 are needed')
+    endpoints = peer.node.get_publishers_info_by_topic(onlooker.topic_name)
+    assert [endpoint.node_name for endpoint in endpoints] == ['compensator']
+    peer.read('voltage')
+    peer.wait_for_status('compensator', state='active')
+
+
+def test_readers_count_whatever_they_are_where_the_topic_is_best_effort(rig, peer):
+    peer.node.create_subscription(
+        Float64MultiArray, 'voltage', lambda _message: None, qos_profile_sensor_data)
+    peer.writer('command')
+    rig.node('compensator', handshake_timeout_s=1e5, **{
+        f'qos_overrides.{rig.namespace}/voltage.publisher.reliability': 'best_effort'})
     peer.wait_for_status('compensator', state='active')
