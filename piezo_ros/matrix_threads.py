@@ -15,8 +15,8 @@
 """
 One thread for the matrix library of NumPy and SciPy, unless the user wants more.
 
-The matrices here are small: on an idle machine a second thread makes a fit no quicker, and on a busy
-one the threads wait for each other, so that it takes many times as long.
+The matrices here are small: on an idle machine a second thread makes a fit no quicker. On a busy
+machine the threads wait for each other, and a fit takes many times as long.
 """
 
 import os
