@@ -276,7 +276,8 @@ def assert_nodes_start(workspace, lib):
         rclpy.try_shutdown(context=context)
 
 
-@pytest.mark.parametrize('option', [None, '--symlink-install'])
+@pytest.mark.parametrize('option', [
+    None, pytest.param('--symlink-install', marks=pytest.mark.slow)])
 def test_colcon_builds_what_ros2_run_and_launch_look_for(sources, tmp_path, option):
     colcon(tmp_path, 'build', '--base-paths', str(sources), *filter(None, [option]))
     assert_installed(sources, tmp_path / 'install' / 'piezo_ros', linked=option is not None)

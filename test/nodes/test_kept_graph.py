@@ -77,7 +77,8 @@ def test_runs_of_every_kind_follow_each_other_with_the_bits_of_the_offline_simul
 
 @pytest.mark.parametrize(('victim', 'number', 'words'), [
     ('loop', signal.SIGKILL, 'loop was killed by SIGKILL'),
-    ('recorder', signal.SIGKILL, 'recorder was killed by SIGKILL'),
+    pytest.param(
+        'recorder', signal.SIGKILL, 'recorder was killed by SIGKILL', marks=pytest.mark.slow),
     ('', signal.SIGINT, 'stopped by SIGINT'),
 ])
 def test_whatever_dies_the_bag_is_readable_and_nothing_is_left(

@@ -26,8 +26,10 @@ from piezo_ros.bag import STREAMS, read
 KILL, TERM, INT = signal.SIGKILL, signal.SIGTERM, signal.SIGINT
 
 
-@pytest.mark.parametrize('processes', ['--separate', '--composed'])
-@pytest.mark.parametrize('number', [INT, TERM])
+@pytest.mark.parametrize(('number', 'processes'), [
+    (INT, '--separate'), (TERM, '--composed'),
+    pytest.param(TERM, '--separate', marks=pytest.mark.slow),
+    pytest.param(INT, '--composed', marks=pytest.mark.slow)])
 def test_a_run_that_is_stopped_leaves_a_readable_bag(
         rig, start_long, assert_whole, processes, number):
     command = start_long(processes)
@@ -42,7 +44,9 @@ def test_a_run_that_is_stopped_leaves_a_readable_bag(
 
 # Seconds into start-up: interpreter, imports, first nodes, discovery, first samples. Which of them
 # a moment meets depends on the machine; all of them must end alike.
-@pytest.mark.parametrize('moment_s', [0.05, 0.3, 0.8, 1.2, 1.6, 2.0])
+@pytest.mark.parametrize('moment_s', [
+    0.3, 1.2, 2.0, *(pytest.param(moment_s, marks=pytest.mark.slow) for moment_s in (
+        0.05, 0.8, 1.6))])
 def test_ctrl_c_at_any_moment_of_the_start_leaves_nothing_behind(
         rig, write_plan, moment_s):
     command = rig.piezo(
@@ -77,7 +81,8 @@ def test_ctrl_c_at_the_end_either_stops_the_run_or_lets_it_be_reported(
         assert json.loads((rig.directory / 'out' / 'report.json').read_text())['runs']
 
 
-@pytest.mark.parametrize('processes', ['--separate', '--composed'])
+@pytest.mark.parametrize('processes', [
+    '--separate', pytest.param('--composed', marks=pytest.mark.slow)])
 def test_no_node_outlives_a_killed_supervisor(
         rig, start_long, assert_whole, until, processes):
     command = start_long(processes)

@@ -21,7 +21,7 @@ from pathlib import Path
 from piezo_ros.control import ControllerParameters, TrajectoryParameters, simulate
 from piezo_ros.model import HysteresisParameters, RigParameters
 
-PERIODS = 60.0
+PERIODS = 18.0
 STAGES = ('compensator', 'controller', 'plant', 'trajectory')
 NAMES_S = 2.0
 

@@ -122,7 +122,8 @@ def test_a_parameter_that_breaks_its_parser_is_refused_and_the_node_lives_on(rig
     assert process.wait() == 0
 
 
-@pytest.mark.parametrize('seconds', [2.0, 5.0])
+@pytest.mark.parametrize('seconds', [
+    2.0, pytest.param(5.0, marks=pytest.mark.slow)])
 def test_ctrl_c_is_heard_while_code_is_compiled(rig, seconds, tmp_path):
     rig.environment['XDG_CACHE_HOME'] = str(tmp_path / 'empty')
     process = rig.start_node('loop', '-p', 'handshake_timeout_s:=60.0', '-p', 'linger_s:=60.0')
