@@ -16,14 +16,11 @@
 
 import math
 import time
-from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from rclpy.event_handler import PublisherEventCallbacks
 from std_msgs.msg import Float64, Float64MultiArray
 
-from piezo_ros.nodes.guard import guarded
 from piezo_ros.nodes.qos import DIAGNOSTICS, NEWEST
 from piezo_ros.nodes.steady_timer import SteadyTimer
 
@@ -35,6 +32,7 @@ if TYPE_CHECKING:
 __all__ = ['Diagnostics', 'Monitor', 'newest_topic']
 
 _DIAGNOSTICS_S = 1.0
+_EARLY_S = 0.1  # that the timer may be
 _REPEAT_S = 1.0  # a sample that stays the newest: best effort loses some, and some come late
 
 
@@ -48,8 +46,8 @@ class Monitor:
     The newest sample of each output on ``monitor/<stream>``, for tools that plot or echo.
 
     On ``newest/<stream>`` it is a block of one sample, for programs that want its index too. Best
-    effort and at a rate of the wall clock: looking never slows a run. While nobody looks, nobody is
-    woken.
+    effort and at a rate of the wall clock: looking never slows a run. While there is no reader, it
+    looks for one once a second.
 
     Parameters
     ----------
@@ -61,7 +59,7 @@ class Monitor:
     def __init__(self, stage: 'Stage') -> None:
         self._stage = stage
         self._publishers: dict[str, tuple[Publisher, Publisher]] = {}
-        self._readers: dict[str, int] = {}  # of each topic
+        self._has_readers = False
         self._shown: dict[str, tuple[int, float]] = {}  # samples sent by then, and when
         self._timer = SteadyTimer(stage, self.show, self._present_hz)
         self._rate_hz = 0.0
@@ -69,29 +67,18 @@ class Monitor:
 
     def create_endpoints(self) -> None:
         """Create the publishers of each output; they go when the stage is cleaned up."""
-        self._readers.clear()
+        create = self._stage.create_own_publisher
         self._publishers = {
             stream: (
-                self._create_publisher(Float64, f'monitor/{stream}'),
-                self._create_publisher(Float64MultiArray, newest_topic(stream)))
+                create(Float64, f'monitor/{stream}', NEWEST),
+                create(Float64MultiArray, newest_topic(stream), NEWEST))
             for stream in self._stage.writers}
-
-    def _create_publisher(self, message_type: Any, topic: str) -> 'Publisher':
-        self._readers[topic] = 0
-        return self._stage.create_own_publisher(
-            message_type, topic, NEWEST,
-            PublisherEventCallbacks(
-                matched=guarded(self._stage, partial(self._count_readers, topic))))
-
-    def _count_readers(self, topic: str, matched: Any) -> None:
-        """Take the news that somebody looks at an output or does so no more; in the executor."""
-        self._readers[topic] = matched.current_count
-        self._timer.update()
 
     def start(self) -> None:
         """Show what a run sends from now on."""
         self._shown.clear()
         self._allow(math.inf)
+        self._timer.call()
 
     def rest(self) -> None:
         """Show the end of a run, and from now on only repeat it."""
@@ -113,22 +100,31 @@ class Monitor:
         self._timer.update()
 
     def _present_hz(self) -> float:
-        return min(self._rate_hz, self._most_hz) if any(self._readers.values()) else 0.0
+        most_hz = self._most_hz if self._has_readers else min(self._most_hz, 1.0 / _REPEAT_S)
+        return min(self._rate_hz, most_hz)
 
     def show(self) -> None:
         """Publish what has come since the last time, and now and then what is still the newest."""
         now_s = time.monotonic()
+        had_readers, self._has_readers = self._has_readers, False
         for stream, (number, block) in self._publishers.items():
             writer = self._stage.writers.get(stream)
-            if writer is None or not writer.sent:
+            if writer is None:
                 continue
+            readers, block_readers = (
+                number.get_subscription_count(), block.get_subscription_count())
+            if not (readers or block_readers):
+                continue
+            self._has_readers = True
             sent, at_s = self._shown.get(stream, (0, now_s))
-            if writer.sent != sent or now_s - at_s >= _REPEAT_S:
+            if writer.sent and (writer.sent != sent or now_s - at_s >= _REPEAT_S - _EARLY_S):
                 self._shown[stream] = writer.sent, now_s
                 number.publish(Float64(data=writer.newest))
-                if self._readers[newest_topic(stream)]:
+                if block_readers:
                     # One copy, so that index and sample belong together while the loop goes on.
                     block.publish(bytes(writer.message))
+        if self._has_readers != had_readers:
+            self._timer.update()
 
 
 class Diagnostics:

@@ -27,7 +27,6 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.exceptions import ParameterException
 from rclpy.lifecycle import LifecycleNode
 from rclpy.publisher import Publisher
@@ -114,21 +113,19 @@ class StreamNode(LifecycleNode):
 
     def create_own_publisher(
         self, message_type: Any, topic: str, qos: QoSProfile,
-        event_callbacks: 'PublisherEventCallbacks | None' = None,
     ) -> Publisher:
         """Create a publisher beside the streams; it goes when the node is cleaned up."""
-        publisher = self.create_stream_publisher(message_type, topic, qos, event_callbacks)
+        publisher = self.create_stream_publisher(message_type, topic, qos)
         self.own_publishers.append(publisher)
         return publisher
 
     def create_stream_publisher(
         self, message_type: Any, topic: str, qos: QoSProfile,
-        event_callbacks: 'PublisherEventCallbacks | None' = None,
     ) -> Publisher:
         """Create a publisher; raises ValueError where its QoS is overridden by nonsense."""
         with self._creating(topic):
             return self.create_publisher(
-                message_type, topic, event_callbacks=event_callbacks, **overridable(qos))
+                message_type, topic, **overridable(qos))
 
     def create_own_subscription(
         self, message_type: Any, topic: str, qos: QoSProfile,

@@ -22,7 +22,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from rclpy.qos import qos_profile_sensor_data
+from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, Float64MultiArray
 
@@ -55,8 +55,10 @@ def listen(peer):
     def to(*streams):
         messages = {stream: [] for stream in streams}
         for stream, received in messages.items():
+            # A volatile reader that is discovered after the run would never see its samples.
             peer.node.create_subscription(
-                JointState, f'stamped/{stream}', received.append, 100)  # reliable
+                JointState, f'stamped/{stream}', received.append, QoSProfile(
+                    depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL))
         return messages
     return to
 
