@@ -64,7 +64,8 @@ class WaveformParameters(ParameterSet):
         1.0, 'um', 'peak amplitude around the operating point', minimum=0.0, maximum=1e4)
     output: str = parameter(
         'displacement', '', 'displacement, or voltage: the waveform itself drives the amplifier, '
-        'without controller and compensator', choices=('displacement', 'voltage'))
+        'without controller and compensator', choices=('displacement', 'voltage'),
+        change='configuration')
     amplitude_v: float = parameter(
         3.0, 'V', 'peak amplitude where the output is voltage', minimum=0.0, maximum=1e3)
     offset_um: float = parameter(

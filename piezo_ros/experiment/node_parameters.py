@@ -68,7 +68,7 @@ class StageParameters(ParameterSet):
         minimum=0, maximum=1000)
     recorded_block_samples: int = parameter(
         0, 'samples', 'largest block of recorded/<stream>, a copy of each output for a recorder '
-        'with from_copies; 0: no copies', minimum=0, maximum=10**6)
+        'with from_copies; 0: no copies', minimum=0, maximum=10**6, change='configuration')
     compiled: bool = parameter(
         False, '', 'compute in compiled code: quicker for each sample, a second more to start')
     autostart: bool = parameter(
@@ -101,7 +101,8 @@ class PaceParameters(ParameterSet):
         0.0, '', 'simulated seconds per wall-clock second; 0: as fast as possible',
         minimum=0.0, maximum=1e6)
     publish_clock: bool = parameter(
-        False, '', 'publish the simulated time on the topic clock, for one rig remapped to /clock')
+        False, '', 'publish the simulated time on the topic clock, for one rig remapped to /clock',
+        change='configuration')
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -124,7 +125,7 @@ class BareParameters(ParameterSet):
 
     demand_lookahead_samples: int = parameter(
         0, 'samples', 'how far the demand of the plant leads its displacement; 0: the controller '
-        'demands', minimum=0, maximum=10**9)
+        'demands', minimum=0, maximum=10**9, change='configuration')
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -153,10 +154,10 @@ class RecorderParameters(ParameterSet):
     bag_directory: str = parameter(
         '', '', 'directory of the bag; must not exist; empty: named after date and time')
     streams: str = parameter(
-        ','.join(STREAMS), '', 'streams to record, separated by commas')
+        ','.join(STREAMS), '', 'streams to record, separated by commas', change='configuration')
     from_copies: bool = parameter(
         False, '', 'take recorded/<stream> in place of the streams themselves: hardly any load for '
-        'the loop; needs recorded_block_samples in the other nodes')
+        'the loop; needs recorded_block_samples in the other nodes', change='configuration')
     compression: str = parameter(
         'zstd', '', 'compression of the chunks', choices=('zstd', 'lz4', 'none'))
     flush_period_s: float = parameter(

@@ -34,7 +34,9 @@ from piezo_ros.model.parameters import CHANGES, Constraint, constraint_of
 
 __all__ = ['PAGES', 'launch_page', 'parameter_page']
 
-_CHANGE_WORDS: Final = {'running': 'running', 'activation': 'inactive', 'start': 'read-only'}
+_CHANGE_WORDS: Final = {
+    'running': 'running', 'activation': 'inactive', 'configuration': 'unconfigured',
+    'start': 'read-only'}
 _PRINTED: Final = (
     'Printed from the code by `make docs`; changes belong there.')
 _TYPES: Final = {bool: 'bool', int: 'int', float: 'double', str: 'string', tuple: 'double[]'}

@@ -41,6 +41,7 @@ _Set = TypeVar('_Set', bound='ParameterSet')
 CHANGES = {
     'running': 'at once, also during a run',
     'activation': 'at the next activation; refused during a run',
+    'configuration': 'when the node is configured: clean up first where it is already',
     'start': 'only as the process starts',
 }
 

@@ -109,7 +109,7 @@ class Controller(Stage):
 
     def create_endpoints(self) -> None:
         """Create the publisher of the demand."""
-        self._demand = DemandWriter(self, self._flow.lookahead_samples)
+        self._demand = DemandWriter(self)
 
     def required_inputs(self) -> tuple[str, ...]:
         """Return what the scheme, or one that is to come, needs; every one needs displacement."""
@@ -136,7 +136,7 @@ class Controller(Stage):
             self._prepare = self._join
         self._use_law()
         self._relay = self._make_relay() if self._packed else None
-        self._demand.start(0)
+        self._demand.start(0, self._flow.lookahead_samples)
 
     @property
     def _index(self) -> int:

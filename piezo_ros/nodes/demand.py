@@ -42,18 +42,17 @@ class DemandWriter:
     ----------
     stage : Stage
         The consumer.
-    lookahead_samples : int
-        How far the demand leads.
 
     """
 
-    def __init__(self, stage: 'Stage', lookahead_samples: int) -> None:
-        self._lookahead = lookahead_samples
+    def __init__(self, stage: 'Stage') -> None:
+        self._lookahead = 0
         self._publisher = stage.create_own_publisher(UInt64, 'demand', LATCHED)
         self._renew_at = 0
 
-    def start(self, consumed: int) -> None:
-        """Ask for the first samples."""
+    def start(self, consumed: int, lookahead_samples: int) -> None:
+        """Ask for the first samples, and from now on lead what is consumed by so many."""
+        self._lookahead = lookahead_samples
         self._renew_at = consumed
         self.update(consumed)
 

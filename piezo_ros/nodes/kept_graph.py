@@ -13,16 +13,18 @@
 # limitations under the License.
 
 """
-One node graph for many runs: its nodes are configured, activated and cleaned up for each.
+One node graph for many runs: its nodes are activated and deactivated for each.
 
 For plans with hundreds of short runs, of which starting processes would take most of the time. The
-nodes are led through their lifecycle by its services, as any manager of ROS would.
+nodes are led through their lifecycle by its services, as any manager of ROS would. They are cleaned
+up and configured again only where the topics change: every endpoint that is made anew must be
+discovered again, and until the old one is forgotten a writer may take it for the new one.
 """
 
 import json
 import math
 import signal
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -35,7 +37,9 @@ from std_msgs.msg import String
 
 from piezo_ros.experiment.campaign import RunResult
 from piezo_ros.experiment.errors import CampaignError
+from piezo_ros.experiment.node_parameters import NODE_PARAMETERS
 from piezo_ros.experiment.plan import PlannedRun
+from piezo_ros.nodes.parameters import names_by_change
 from piezo_ros.nodes.process_group import POLL_S, ProcessGroup
 from piezo_ros.nodes.rescue import rescue
 from piezo_ros.nodes.run_parameters import run_parameters
@@ -74,6 +78,8 @@ class KeptGraph(Supervisor):
         super().__init__(directory, namespace)
         self._statuses: dict[str, dict[str, Any]] = {}
         self._clients: dict[tuple[str, str], Any] = {}
+        # Node -> what its topics were made of, of all that are configured.
+        self._configured: dict[str, dict[str, Any]] = {}
 
     def __enter__(self) -> 'KeptGraph':
         """Start the processes; take over SIGINT and SIGTERM."""
@@ -130,12 +136,17 @@ class KeptGraph(Supervisor):
         sections = run_parameters(
             planned, bag, record=True, autostart=False, compiled=planned.stages)
         nodes = tuple(sections)
+        wanted = {node: _parameters_of_topics(node, values) for node, values in sections.items()}
+        if wanted != self._configured:
+            self._change_states(self._configured, Transition.TRANSITION_CLEANUP)
+            self._configured = {}
         for node, values in sections.items():
             self._set_parameters(node, values)
         self._statuses.clear()
-        for transition in (Transition.TRANSITION_CONFIGURE, Transition.TRANSITION_ACTIVATE):
-            for node in nodes:
-                self._change_state(node, transition)
+        if not self._configured:
+            self._change_states(nodes, Transition.TRANSITION_CONFIGURE)
+            self._configured = wanted
+        self._change_states(nodes, Transition.TRANSITION_ACTIVATE)
 
         def finished(node: str) -> bool:
             return self._state_of(node) == 'finished'
@@ -150,9 +161,7 @@ class KeptGraph(Supervisor):
                 lambda: self._state_of('plant') != 'active', timeout_s=_LAST_STATUS_S)
             raise CampaignError('; '.join(self._reasons(cut_short())))
         plant = dict(self._statuses['plant'])
-        for transition in (Transition.TRANSITION_DEACTIVATE, Transition.TRANSITION_CLEANUP):
-            for node in nodes:
-                self._change_state(node, transition)
+        self._change_states(nodes, Transition.TRANSITION_DEACTIVATE)
         return RunResult(float(plant['elapsed_s']))
 
     def _reasons(self, nodes: Sequence[str]) -> list[str]:
@@ -170,6 +179,10 @@ class KeptGraph(Supervisor):
         answer = self._ask(node, 'set_parameters_atomically', SetParametersAtomically, request)
         if not answer.result.successful:
             raise CampaignError(f'{node} refuses its parameters: {answer.result.reason}')
+
+    def _change_states(self, nodes: Iterable[str], transition: int) -> None:
+        for node in nodes:
+            self._change_state(node, transition)
 
     def _change_state(self, node: str, transition: int) -> None:
         """Lead a node through a transition, also where its answer gets lost."""
@@ -230,3 +243,9 @@ class KeptGraph(Supervisor):
     def _note(self, message: String) -> None:
         status = json.loads(message.data)
         self._statuses[status['node']] = status
+
+
+def _parameters_of_topics(node: str, values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the parameters of a node that take effect when it is configured."""
+    names = names_by_change(*NODE_PARAMETERS[node])['configuration']
+    return {name: values[name] for name in sorted(names & values.keys())}

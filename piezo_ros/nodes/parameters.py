@@ -30,7 +30,7 @@ from rclpy.parameter import Parameter
 from piezo_ros.model.parameters import CHANGES, ParameterError, ParameterSet, constraint_of
 from piezo_ros.nodes.guard import explain
 
-__all__ = ['declare', 'fixed_during_run', 'plain', 'read']
+__all__ = ['declare', 'names_by_change', 'plain', 'read']
 
 _Set = TypeVar('_Set', bound=ParameterSet)
 
@@ -117,11 +117,15 @@ def read(node: Node, parameter_set: type[_Set]) -> _Set:
         for field in dataclasses.fields(parameter_set)})
 
 
-def fixed_during_run(*sets: type[ParameterSet]) -> frozenset[str]:
-    """Return the names of the parameters that cannot change during a run."""
-    return frozenset(
-        field.name for parameter_set in sets for field in dataclasses.fields(parameter_set)
-        if constraint_of(field).change != 'running')
+def names_by_change(*sets: type[ParameterSet]) -> dict[str, frozenset[str]]:
+    """Return the names of the parameters that change at a time, for each of `CHANGES`."""
+    constraints = {
+        field.name: constraint_of(field)
+        for parameter_set in sets for field in dataclasses.fields(parameter_set)}
+    return {
+        change: frozenset(
+            name for name, constraint in constraints.items() if constraint.change == change)
+        for change in CHANGES}
 
 
 def plain(value: Any) -> Any:

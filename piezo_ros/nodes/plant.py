@@ -92,7 +92,7 @@ class Plant(Stage):
 
     def create_endpoints(self) -> None:
         """Create the publisher of the demand, where no controller demands, and of the clock."""
-        self._demand = DemandWriter(self, self._lookahead) if self._lookahead else None
+        self._demand = DemandWriter(self) if self._lookahead else None
         self._clock_writer = (
             SimulatedClock(self, lambda: self._index) if self._timing.publish_clock else None)
 
@@ -119,7 +119,7 @@ class Plant(Stage):
         if start_index >= 0:
             self._open()
         if self._demand:
-            self._demand.start(max(start_index, 0))
+            self._demand.start(max(start_index, 0), self._lookahead)
         if self._clock_writer:
             self._clock_writer.start(period_s)
 

@@ -41,7 +41,7 @@ from piezo_ros.experiment.node_parameters import (
 from piezo_ros.nodes.guard import explain, guarded
 from piezo_ros.nodes.handshake import await_peers
 from piezo_ros.nodes.observation import Diagnostics, Monitor
-from piezo_ros.nodes.parameters import declare, fixed_during_run, plain, read
+from piezo_ros.nodes.parameters import declare, names_by_change, plain, read
 from piezo_ros.nodes.qos import LATCHED
 from piezo_ros.nodes.role_parameters import parameter_files, role_parameters
 from piezo_ros.nodes.running_time import RunningTime
@@ -84,7 +84,10 @@ class Stage(StreamNode):
     def __init__(self, name: str, *, compiled: bool = False) -> None:
         super().__init__(name)
         self.role = name
-        self._fixed = fixed_during_run(*NODE_PARAMETERS[name])
+        when = names_by_change(*NODE_PARAMETERS[name])
+        self._fixed = frozenset[str]().union(*when.values()) - when['running']  # during a run
+        self._shaping = when['configuration']
+        self._configured_with: dict[str, Any] = {}  # what the endpoints are made of
         self.is_configured = False
         self._reread = False  # parameters have changed since they were read
         declare(
@@ -196,6 +199,7 @@ class Stage(StreamNode):
         """Read the parameters and create every endpoint."""
         try:
             self._read_parameters()
+            self._configured_with = self._parameters_of_endpoints()
             if not self.subscribes_late:
                 self.create_readers()
             self.writers = {
@@ -295,13 +299,19 @@ class Stage(StreamNode):
         """Configure again where parameters have changed since; the endpoints stay."""
         if not self._reread:
             return
-        before = self.inputs, self.outputs
-        self._read_parameters()
-        after, (self.inputs, self.outputs) = (self.inputs, self.outputs), before
-        if after != before:
-            self._reread = True
+        changed = [
+            f'{name} is {value!r} and was {self._configured_with[name]!r}'
+            for name, value in self._parameters_of_endpoints().items()
+            if value != self._configured_with[name]]
+        if changed:
             raise ValueError(
-                'the streams have changed with the parameters: clean up and configure first')
+                f'{", ".join(changed)}: clean up and configure the node, for its topics change')
+        self._read_parameters()
+
+    def _parameters_of_endpoints(self) -> dict[str, Any]:
+        return {
+            name: plain(self.get_parameter(name).value)
+            for name in sorted(self._shaping)}
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """End the run; nothing is taken any more."""

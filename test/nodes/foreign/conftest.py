@@ -22,8 +22,10 @@ import pytest
 import rclpy
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
+from rcl_interfaces.srv import SetParameters
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension, String
@@ -160,6 +162,13 @@ class Peer:
             ChangeState.Request(transition=Transition(id=number)),
             was_done=lambda: self.state(node) == TARGETS[transition.rpartition('_')[2]])
         return answer is None or answer.success
+
+    def set_parameter(self, node, name, value):
+        """Set one parameter, which the node must take."""
+        answer = self.call(
+            SetParameters, f'{node}/set_parameters',
+            SetParameters.Request(parameters=[Parameter(name, value=value).to_parameter_msg()]))
+        assert answer.results[0].successful, answer.results[0].reason
 
     def state(self, node):
         return self.call(GetState, f'{node}/get_state', GetState.Request()).current_state.label

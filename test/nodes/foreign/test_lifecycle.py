@@ -199,3 +199,19 @@ def test_what_cannot_be_loaded_is_told_in_one_line(rig, changes):
     (line,) = process.output.splitlines()
     assert 'changes' in line
     assert 'no JSON' in line
+
+
+def test_a_parameter_that_changes_the_topics_needs_a_clean_up_first(rig, peer):
+    """It was taken without a word, and the topics stayed as they were."""
+    peer.writer('voltage')
+    peer.read('displacement')
+    process = rig.node('plant', autostart='false', handshake_timeout_s=60.0)
+    assert peer.change_state('plant', 'configure')
+    peer.set_parameter('plant', 'publish_clock', True)
+    assert not peer.change_state('plant', 'activate')
+    assert 'publish_clock is True and was False: clean up and configure' in process.output
+    assert peer.change_state('plant', 'cleanup')
+    assert peer.change_state('plant', 'configure')
+    assert peer.change_state('plant', 'activate')
+    clock = f'{rig.namespace}/clock'
+    peer.wait(lambda: peer.node.count_publishers(clock) == 1, 'the clock')

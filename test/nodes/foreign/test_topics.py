@@ -64,8 +64,10 @@ def test_ctrl_c_on_a_launched_rig_ends_every_node_at_zero_volts(rig, peer, launc
     for _ in range(2):
         for process in nodes.values():
             process.send(signal.SIGINT)
-    status = peer.wait_for_status('plant', voltage_v=0.0, reason='SIGINT')
-    assert status['state'] == 'stopped'
+    # On a busy machine the voltage may end before the plant hears of the signal itself.
+    peer.wait(
+        lambda: peer.status('plant')['state'] in ('stopped', 'finished')
+        and peer.status('plant')['voltage_v'] == 0.0, 'the end at zero volts')
     for process in nodes.values():
         assert process.wait() in (0, 1)
         assert 'Traceback' not in process.output
