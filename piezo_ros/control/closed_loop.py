@@ -25,23 +25,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from piezo_ros.control.changes import Change, segments
-from piezo_ros.control.controller import (
-    ControllerParameters,
-    controller_constants,
-    prepare_transfer,
-)
-from piezo_ros.control.controller import initial_state as initial_controller_state
-from piezo_ros.control.trajectory import (
-    TrajectoryParameters,
-    compiled_trajectory,
-    trajectory_blocks,
-)
-from piezo_ros.model.hysteresis import HysteresisParameters, hysteresis_constants, hysteresis_state
+from piezo_ros.control.controller import ControllerParameters
+from piezo_ros.control.pi_controller import PiController
+from piezo_ros.control.trajectory import TrajectoryParameters, trajectory_blocks
+from piezo_ros.model.hysteresis import HysteresisParameters
+from piezo_ros.model.inverse_hysteresis import InverseHysteresis
 from piezo_ros.model.noise import unit_noise
-from piezo_ros.model.rig import Rig, RigParameters, as_arrays, rig_constants
-from piezo_ros.model.rig import initial_state as initial_rig_state
+from piezo_ros.model.rig import RigParameters
+from piezo_ros.model.simulated_rig import Rig
 
-__all__ = ['BareRun', 'ClosedLoopRun', 'simulate', 'simulate_bare']
+__all__ = ['BareRun', 'ClosedLoopRun', 'run_loop', 'simulate', 'simulate_bare']
 
 
 class ClosedLoopRun(NamedTuple):
@@ -120,23 +113,58 @@ def simulate(
         Every stream of the run.
 
     """
-    from piezo_ros.control.kernels import closed_loop
-    period_s = trajectory.sample_period_s
-    samples = trajectory.samples
+    reference_um, feedforward_um = trajectory_blocks(trajectory, compiled=True)(
+        0, trajectory.samples)
+    return run_loop(
+        plant, compensator, controller, trajectory.sample_period_s,
+        np.asarray(reference_um), np.asarray(feedforward_um), changes)
+
+
+def run_loop(
+    plant: RigParameters,
+    compensator: HysteresisParameters,
+    law: ControllerParameters,
+    sample_period_s: float,
+    reference_um: NDArray[np.float64],
+    feedforward_um: NDArray[np.float64],
+    changes: Sequence[Change] = (),
+) -> ClosedLoopRun:
+    """
+    Close the loop around a given reference and feedforward; bit for bit what the live graph gives.
+
+    Parameters
+    ----------
+    plant : RigParameters
+        The rig, at rest and never driven.
+    compensator : HysteresisParameters
+        The hysteresis that the compensator inverts.
+    law : ControllerParameters
+        Gains and scheme.
+    sample_period_s : float
+        Sample period, seconds.
+    reference_um, feedforward_um : ndarray of float64, shape (N,)
+        What the trajectory sends.
+    changes : sequence of Change, optional
+        Changes of gains and scheme during the run.
+
+    Returns
+    -------
+    ClosedLoopRun
+        Every stream of the run.
+
+    """
+    from piezo_ros.control.kernels import closed_loop, creeping_closed_loop
+    samples = reference_um.size
+    rig = Rig(plant, sample_period_s)
+    controller = PiController(law, sample_period_s)
+    inverse = InverseHysteresis(compensator)
     run = ClosedLoopRun(
-        np.empty(samples), np.empty(samples), np.empty(samples), np.empty(samples),
+        np.array(reference_um), np.array(feedforward_um), np.empty(samples), np.empty(samples),
         np.empty(samples + 1))
-    rig = rig_constants(plant, period_s)
-    waveform = compiled_trajectory(trajectory)
-    memory = initial_controller_state(controller, np.array)
-    inverse_state = np.array(hysteresis_state([0.0] * len(compensator.saturation_v)))
-    inverse = as_arrays(hysteresis_constants(compensator))
-    stage, stage_constants = initial_rig_state(rig, np.array), as_arrays(rig)
+    run.displacement_um[0] = rig.measure()
     noise = unit_noise(plant.seed, 0, samples + 1)
-    for start, stop, law in segments(controller, changes, samples):
-        if start:
-            prepare_transfer(memory)
-        closed_loop(
-            waveform, memory, as_arrays(controller_constants(law, period_s)), inverse_state,
-            inverse, stage, stage_constants, noise, run, start, stop)
+    kernel = creeping_closed_loop if rig.constants.creep else closed_loop
+    for start, stop, piece in segments(law, changes, samples):
+        controller.change(piece, bumpless=start > 0)
+        kernel(controller.memory, inverse.memory, rig.memory, noise, run, start, stop)
     return run

@@ -12,51 +12,28 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Compiled array kernels of the control tier: trajectories and whole closed-loop runs."""
+"""Compiled array kernels of the control tier: trajectories, the controller, the closed loop."""
 
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from piezo_ros.control import controller, stepping, trajectory
-from piezo_ros.model import hysteresis, rig
+from piezo_ros.control import controller, pi_controller, trajectory
+from piezo_ros.model import hysteresis, packing, rig
 from piezo_ros.model.compiled import kernel
+from piezo_ros.model.step import step
 
-__all__ = ['closed_loop', 'controller_packed_array', 'trajectory_array']
+__all__ = ['closed_loop', 'controller_array', 'creeping_closed_loop', 'trajectory_array']
 
-_controller_packed = stepping.controller_packed
 _controller_step = controller.controller_step
 _inverse_step = hysteresis.inverse_step
-_measure_step = rig.measure_step
-_rig_step = rig.rig_step
+_packed_creep = packing.packed_creep
+_sample_step = rig.sample_step
 _trajectory_step = trajectory.trajectory_step
-
-
-@kernel
-def closed_loop(
-    trajectory_constants: Any, controller_state: Any, controller_constants: Any,
-    compensator_state: NDArray[np.float64], compensator_constants: Any,
-    rig_state: Any, rig_constants: Any, noise: NDArray[np.float64], run: Any,
-    start: int, stop: int,
-) -> None:
-    """Fill the streams of ``run`` from one sample to another; the states move on with them."""
-    if start == 0:
-        run.displacement_um[0] = _measure_step(
-            rig_constants, rig_state.displacement_um[0], noise[0])
-    measured_um = run.displacement_um[start]
-    for k in range(start, stop):
-        reference_um, feedforward_um = _trajectory_step(trajectory_constants, k)
-        command_um = _controller_step(
-            controller_state, controller_constants, k, reference_um, feedforward_um, measured_um)
-        voltage_v = _inverse_step(compensator_state, compensator_constants, command_um)
-        true_um = _rig_step(rig_state, rig_constants, voltage_v)
-        measured_um = _measure_step(rig_constants, true_um, noise[k + 1])
-        run.reference_um[k] = reference_um
-        run.feedforward_um[k] = feedforward_um
-        run.command_um[k] = command_um
-        run.voltage_v[k] = voltage_v
-        run.displacement_um[k + 1] = measured_um
+_unpacked_controller = pi_controller.unpacked_controller
+_unpacked_inverse = packing.unpacked_inverse
+_unpacked_rig = packing.unpacked_rig
 
 
 @kernel
@@ -70,11 +47,52 @@ def trajectory_array(
 
 
 @kernel
-def controller_packed_array(
-    packed: NDArray[np.float64], start: int, reference_um: NDArray[np.float64],
-    feedforward_um: NDArray[np.float64], command_um: NDArray[np.float64],
+def controller_array(
+    memory: NDArray[np.float64], start: int, reference_um: NDArray[np.float64],
+    feedforward_um: NDArray[np.float64], displacement_um: NDArray[np.float64],
+    command_um: NDArray[np.float64],
 ) -> None:
-    """Fill ``command_um`` from sample ``start`` on, without feedback; the state moves on."""
+    """Fill ``command_um`` from sample ``start`` on; the state in ``memory`` moves on."""
+    state, constants = _unpacked_controller(memory)
     for k in range(reference_um.size):
-        command_um[k] = _controller_packed(
-            packed, start + k, reference_um[k], feedforward_um[k], 0.0)
+        command_um[k] = _controller_step(
+            state, constants, start + k, reference_um[k], feedforward_um[k], displacement_um[k])
+
+
+@step
+def _close_loop(
+    controller_memory: Any, inverse_memory: Any, rig_state: Any, rig_constants: Any, noise: Any,
+    run: Any, start: int, stop: int,
+) -> None:
+    controller_state, controller_constants = _unpacked_controller(controller_memory)
+    inverse_state, inverse_constants = _unpacked_inverse(inverse_memory)
+    measured_um = run.displacement_um[start]
+    for k in range(start, stop):
+        command_um = _controller_step(
+            controller_state, controller_constants, k, run.reference_um[k], run.feedforward_um[k],
+            measured_um)
+        voltage_v = _inverse_step(inverse_state, inverse_constants, command_um)
+        measured_um = _sample_step(rig_state, rig_constants, voltage_v, noise[k + 1])
+        run.command_um[k] = command_um
+        run.voltage_v[k] = voltage_v
+        run.displacement_um[k + 1] = measured_um
+
+
+@kernel
+def closed_loop(
+    controller_memory: NDArray[np.float64], inverse_memory: NDArray[np.float64],
+    rig_memory: NDArray[np.float64], noise: NDArray[np.float64], run: Any, start: int, stop: int,
+) -> None:
+    """Close the loop from one sample to another, over what the arrays of a run hold before it."""
+    state, constants = _unpacked_rig(rig_memory, None)
+    _close_loop(controller_memory, inverse_memory, state, constants, noise, run, start, stop)
+
+
+@kernel
+def creeping_closed_loop(
+    controller_memory: NDArray[np.float64], inverse_memory: NDArray[np.float64],
+    rig_memory: NDArray[np.float64], noise: NDArray[np.float64], run: Any, start: int, stop: int,
+) -> None:
+    """Do as `closed_loop` around a rig with creep or drift."""
+    state, constants = _unpacked_rig(rig_memory, _packed_creep(rig_memory))
+    _close_loop(controller_memory, inverse_memory, state, constants, noise, run, start, stop)

@@ -41,8 +41,7 @@ from piezo_ros.control.waveform import (
 )
 from piezo_ros.model.dynamics import DynamicsParameters, LinearDynamics
 from piezo_ros.model.parameters import parameter
-from piezo_ros.model.rig import as_arrays
-from piezo_ros.model.step import step
+from piezo_ros.model.step import as_arrays, step
 
 __all__ = [
     'TrajectoryConstants',

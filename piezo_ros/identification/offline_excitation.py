@@ -18,7 +18,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from piezo_ros.model.hysteresis import MaxwellResistiveCapacitor
-from piezo_ros.model.rig import Rig, RigParameters
+from piezo_ros.model.rig import RigParameters
+from piezo_ros.model.simulated_rig import Rig
 
 __all__ = ['run_excitation_offline']
 

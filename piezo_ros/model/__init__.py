@@ -16,12 +16,15 @@
 
 from piezo_ros.model.dynamics import DynamicsParameters, LinearDynamics
 from piezo_ros.model.hysteresis import HysteresisParameters, MaxwellResistiveCapacitor
+from piezo_ros.model.inverse_hysteresis import InverseHysteresis
 from piezo_ros.model.parameters import ParameterError, ParameterSet
-from piezo_ros.model.rig import Rig, RigParameters
+from piezo_ros.model.rig import RigParameters
+from piezo_ros.model.simulated_rig import Rig
 
 __all__ = [
     'DynamicsParameters',
     'HysteresisParameters',
+    'InverseHysteresis',
     'LinearDynamics',
     'MaxwellResistiveCapacitor',
     'ParameterError',

@@ -19,32 +19,24 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from piezo_ros.model import hysteresis, rig, stepping
+from piezo_ros.model import hysteresis, packing, rig
 from piezo_ros.model.compiled import kernel
 
 __all__ = [
+    'creeping_rig_array',
     'forward_array',
-    'hold_packed_array',
-    'hold_packed_creeping_array',
-    'hold_packed_creeping_kernel',
-    'hold_packed_kernel',
     'inverse_array',
     'inverse_packed_array',
-    'inverse_packed_kernel',
     'rig_array',
 ]
 
 _forward_step = hysteresis.forward_step
 _inverse_step = hysteresis.inverse_step
-_measure_step = rig.measure_step
-_rig_step = rig.rig_step
+_packed_creep = packing.packed_creep
+_sample_step = rig.sample_step
 _settle_step = hysteresis.settle_step
-_hold_packed = stepping.hold_packed
-_hold_packed_creeping = stepping.hold_packed_creeping
-_inverse_packed = stepping.inverse_packed
-_packed_creep = stepping.packed_creep
-_unpacked_inverse = stepping.unpacked_inverse
-_unpacked_rig = stepping.unpacked_rig
+_unpacked_inverse = packing.unpacked_inverse
+_unpacked_rig = packing.unpacked_rig
 
 
 @kernel
@@ -71,35 +63,24 @@ def inverse_array(
 
 @kernel
 def rig_array(
-    state: Any, constants: Any, voltage_v: NDArray[np.float64], noise: NDArray[np.float64],
+    memory: NDArray[np.float64], voltage_v: NDArray[np.float64], noise: NDArray[np.float64],
     displacement_um: NDArray[np.float64],
 ) -> None:
-    """Fill ``displacement_um`` with the readings and move the state on."""
+    """Fill ``displacement_um`` with the readings; the state in ``memory`` moves on."""
+    state, constants = _unpacked_rig(memory, None)
     for k in range(voltage_v.size):
-        true_um = _rig_step(state, constants, voltage_v[k])
-        displacement_um[k] = _measure_step(constants, true_um, noise[k])
+        displacement_um[k] = _sample_step(state, constants, voltage_v[k], noise[k])
 
 
 @kernel
-def hold_packed_kernel(
-    memory: NDArray[np.float64], voltage_v: float, unit_noise: float,
-) -> float:
-    """Hold a voltage for one sample period and return the reading at its end."""
-    return _hold_packed(memory, voltage_v, unit_noise)
-
-
-@kernel
-def hold_packed_creeping_kernel(
-    memory: NDArray[np.float64], voltage_v: float, unit_noise: float,
-) -> float:
-    """Hold a voltage as `hold_packed_kernel` does, on a rig with creep or drift."""
-    return _hold_packed_creeping(memory, voltage_v, unit_noise)
-
-
-@kernel
-def inverse_packed_kernel(memory: NDArray[np.float64], displacement_um: float) -> float:
-    """Return the voltage of one displacement."""
-    return _inverse_packed(memory, displacement_um)
+def creeping_rig_array(
+    memory: NDArray[np.float64], voltage_v: NDArray[np.float64], noise: NDArray[np.float64],
+    displacement_um: NDArray[np.float64],
+) -> None:
+    """Do as `rig_array` for a rig with creep or drift."""
+    state, constants = _unpacked_rig(memory, _packed_creep(memory))
+    for k in range(voltage_v.size):
+        displacement_um[k] = _sample_step(state, constants, voltage_v[k], noise[k])
 
 
 @kernel
@@ -111,23 +92,3 @@ def inverse_packed_array(
     state, constants = _unpacked_inverse(memory)
     for k in range(displacement_um.size):
         voltage_v[k] = _inverse_step(state, constants, displacement_um[k])
-
-
-@kernel
-def hold_packed_array(
-    memory: NDArray[np.float64], voltage_v: NDArray[np.float64], noise: NDArray[np.float64],
-    displacement_um: NDArray[np.float64],
-) -> None:
-    """Fill ``displacement_um`` with the readings; the state in ``memory`` moves on."""
-    state, constants = _unpacked_rig(memory, None)
-    rig_array(state, constants, voltage_v, noise, displacement_um)
-
-
-@kernel
-def hold_packed_creeping_array(
-    memory: NDArray[np.float64], voltage_v: NDArray[np.float64], noise: NDArray[np.float64],
-    displacement_um: NDArray[np.float64],
-) -> None:
-    """Do as `hold_packed_array` for a rig with creep or drift."""
-    state, constants = _unpacked_rig(memory, _packed_creep(memory))
-    rig_array(state, constants, voltage_v, noise, displacement_um)

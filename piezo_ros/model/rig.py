@@ -26,9 +26,6 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, NamedTuple
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
-
 from piezo_ros.model.converter import ConverterConstants, convert_step, converter_constants
 from piezo_ros.model.creep import (
     CreepConstants,
@@ -45,7 +42,6 @@ from piezo_ros.model.hysteresis import (
     hysteresis_constants,
     hysteresis_state,
 )
-from piezo_ros.model.noise import NoiseSource, unit_noise
 from piezo_ros.model.parameters import ParameterError, parameter
 from piezo_ros.model.state_space import (
     LinearConstants,
@@ -59,7 +55,6 @@ from piezo_ros.model.state_space import (
 from piezo_ros.model.step import Vector, step
 
 __all__ = [
-    'Rig',
     'RigConstants',
     'RigParameters',
     'RigState',
@@ -67,6 +62,7 @@ __all__ = [
     'measure_step',
     'rig_constants',
     'rig_step',
+    'sample_step',
 ]
 
 
@@ -279,117 +275,9 @@ def rig_step(state: RigState, constants: RigConstants, voltage_v: float) -> floa
     return true_um
 
 
-class Rig:
-    """
-    The simulated rig with its state, for scripts.
-
-    Parameters
-    ----------
-    parameters : RigParameters, optional
-        The rig; the published values without mismatch by default.
-    sample_period_s : float, optional
-        Sample period, seconds.
-
-    Attributes
-    ----------
-    state : RigState
-        Everything it remembers.
-    index : int
-        Index of the present measurement, 0 before the first voltage.
-
-    Raises
-    ------
-    ValueError
-        If the sample period is not finite and positive.
-
-    """
-
-    def __init__(
-        self, parameters: RigParameters | None = None, sample_period_s: float = 1e-5,
-    ) -> None:
-        self.parameters = parameters or RigParameters()
-        self.sample_period_s = sample_period_s
-        self.constants = rig_constants(self.parameters, sample_period_s)
-        self.reset()
-
-    def reset(self) -> None:
-        """Return to rest at the operating point, never driven, index 0."""
-        self.state = initial_state(self.constants)
-        self.index = 0
-        self._noise = NoiseSource(self.parameters.seed)
-
-    def measure(self) -> float:
-        """Return the reading at the present index, micrometres."""
-        return measure_step(
-            self.constants, self.state.displacement_um[0], self._noise(self.index))
-
-    def step(self, voltage_v: float) -> float:
-        """
-        Hold a voltage for one sample period and return the reading at its end.
-
-        Parameters
-        ----------
-        voltage_v : float
-            Voltage, deviation from the operating point.
-
-        Returns
-        -------
-        float
-            Measured displacement, micrometres, deviation from the operating point.
-
-        Raises
-        ------
-        ValueError
-            If the voltage is not finite.
-
-        """
-        if voltage_v - voltage_v != 0.0:
-            raise ValueError(f'voltage_v is {voltage_v}, it must be finite')
-        rig_step(self.state, self.constants, voltage_v)
-        self.index += 1
-        return self.measure()
-
-    def run(self, voltage_v: ArrayLike) -> NDArray[np.float64]:
-        """
-        Return the readings that a voltage causes, the same bits as `step` one by one.
-
-        Parameters
-        ----------
-        voltage_v : array_like, shape (N,)
-            Voltages, deviations from the operating point.
-
-        Returns
-        -------
-        ndarray, shape (N,)
-            ``y[k]`` is the reading at the end of the period in which ``voltage_v[k]`` was held.
-
-        Raises
-        ------
-        ValueError
-            If a voltage is not finite, or the shape is wrong.
-
-        """
-        from piezo_ros.model.kernels import rig_array
-        inputs = np.ascontiguousarray(voltage_v, dtype=np.float64)
-        if inputs.ndim != 1:
-            raise ValueError(f'voltage_v has shape {inputs.shape}, it must be one-dimensional')
-        finite = np.isfinite(inputs)
-        if not finite.all():
-            first = int(np.argmin(finite))
-            raise ValueError(f'voltage_v[{first}] is {inputs[first]}, it must be finite')
-        state = as_arrays(self.state)
-        noise = unit_noise(self.parameters.seed, self.index + 1, inputs.size)
-        outputs = np.empty_like(inputs)
-        rig_array(state, as_arrays(self.constants), inputs, noise, outputs)
-        self.state = RigState(*(values.tolist() for values in state))
-        self.index += inputs.size
-        return outputs
-
-
-def as_arrays(value: Any) -> Any:
-    """Return named tuples of lists as the same named tuples of float64 arrays, for a kernel."""
-    if isinstance(value, list):
-        return np.array(value, dtype=np.float64)
-    if isinstance(value, tuple):
-        return type(value)(*(as_arrays(element) for element in value))
-    return value
+@step
+def sample_step(
+    state: RigState, constants: RigConstants, voltage_v: float, unit_noise: float,
+) -> float:
+    """Hold a voltage for one sample period and return the reading at its end, micrometres."""
+    return measure_step(constants, rig_step(state, constants, voltage_v), unit_noise)

@@ -27,7 +27,7 @@ from typing import Any, TypeAlias, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ['Vector', 'marked_steps', 'step']
+__all__ = ['Vector', 'as_arrays', 'marked_steps', 'step']
 
 # A list in a node, a float64 array in a compiled kernel.
 Vector: TypeAlias = MutableSequence[float] | NDArray[np.float64]
@@ -45,3 +45,12 @@ def step(function: _Function) -> _Function:
 def marked_steps() -> tuple[Callable[..., Any], ...]:
     """Return every function marked so far, in the order of definition."""
     return tuple(_marked)
+
+
+def as_arrays(value: Any) -> Any:
+    """Return named tuples of lists as the same named tuples of float64 arrays, for a kernel."""
+    if isinstance(value, list):
+        return np.array(value, dtype=np.float64)
+    if isinstance(value, tuple):
+        return type(value)(*(as_arrays(element) for element in value))
+    return value

@@ -19,7 +19,6 @@ Where the boundaries of blocks are carries no meaning, and a message costs the s
 samples it has: those that have piled up before a stage that is behind go on as one.
 """
 
-from collections import deque
 from collections.abc import Callable, Sequence
 from typing import Final
 
@@ -28,28 +27,28 @@ from numpy.typing import NDArray
 
 from piezo_ros.nodes.streams import StreamFault, StreamReader, StreamWriter
 
-__all__ = ['BURST_BLOCKS', 'NAP_S', 'BlockBuffer', 'answer_burst', 'publish_blocks']
+__all__ = ['BURST_BLOCKS', 'MOST_JOINED', 'NAP_S', 'answer_waiting', 'publish_blocks']
 
 NAP_S: Final = 0.0002  # of who has no block: who only yields takes the time of who has one
 BURST_BLOCKS: Final = 16  # dealt with at once; meanwhile nobody looks whether the run shall stop
-_MOST_JOINED: Final = 7500  # samples: what one datagram can hold
+MOST_JOINED: Final = 7500  # samples: what one datagram can hold
 
 _Samples = NDArray[np.float64]
 
 
-def answer_burst(
-    reader: StreamReader, writer: StreamWriter,
-    answer: Callable[[_Samples], Sequence[float] | _Samples],
+def answer_waiting(
+    reader: StreamReader, writer: StreamWriter, answer: Callable[[int, _Samples], _Samples],
 ) -> int:
     """
-    Answer the block that `StreamReader.take_one` was not content with, and those behind it.
+    Answer the samples of a stream that wait.
 
     Parameters
     ----------
     reader, writer : StreamReader, StreamWriter
         The streams; see `publish_blocks` for the blocks of the answer.
     answer : callable
-        Takes the samples of all blocks, shape (N,), and returns as many.
+        Takes the index of the first sample and the samples of all blocks, shape (N,), and returns
+        as many.
 
     Returns
     -------
@@ -63,82 +62,20 @@ def answer_burst(
         If samples are missing or the sample period changes; what came before is answered.
 
     """
+    sample = reader.take_one()
+    if sample is not None:
+        writer.publish_one(float(answer(reader.next_index - 1, np.array([sample]))[0]))
+        return 1
+    if not reader.raw:
+        return 0
     blocks, fault = _take_burst(reader)
     sizes = [block.size for block in blocks]
     if sizes:
-        publish_blocks(writer, answer(np.concatenate(blocks)), sizes)
+        samples = np.concatenate(blocks)
+        publish_blocks(writer, answer(reader.next_index - samples.size, samples), sizes)
     if fault:
         raise fault
     return max(sizes, default=0)
-
-
-class BlockBuffer:
-    """
-    Blocks of a stream that wait for those of another one.
-
-    Parameters
-    ----------
-    reader : StreamReader
-        The stream.
-
-    Attributes
-    ----------
-    size : int
-        Number of samples that wait.
-
-    """
-
-    def __init__(self, reader: StreamReader) -> None:
-        self.size = 0
-        self._reader = reader
-        self._blocks: deque[_Samples] = deque()
-        self._fault: StreamFault | None = None
-
-    def fill(self) -> None:
-        """
-        Take what has come, unless many blocks wait.
-
-        Raises
-        ------
-        StreamFault
-            If samples are missing or the sample period changes; not before all samples that came
-            before have been pulled.
-
-        """
-        if not self._fault and len(self._blocks) < BURST_BLOCKS and self._reader.take_raw():
-            blocks, self._fault = _take_burst(self._reader)
-            self._blocks.extend(blocks)
-            self.size += sum(block.size for block in blocks)
-        if self._fault and not self.size:
-            raise self._fault
-
-    def pull(self, count: int) -> list[_Samples]:
-        """Return the first samples, at most `size`, block by block."""
-        self.size -= count
-        blocks = []
-        while count:
-            block = self._blocks.popleft()
-            if block.size > count:
-                self._blocks.appendleft(block[count:])
-                block = block[:count]
-            blocks.append(block)
-            count -= block.size
-        return blocks
-
-    def pour(self) -> None:
-        """
-        Move what waits into the queue of the reader, for who looks at single samples.
-
-        Raises
-        ------
-        StreamFault
-            As `fill`; not before the queue is empty.
-
-        """
-        for block in self.pull(self.size):
-            self._reader.queue.extend(block)
-        if self._fault and not self._reader.queue:
-            raise self._fault
 
 
 def publish_blocks(
@@ -147,7 +84,7 @@ def publish_blocks(
     """Publish what answers blocks of given sizes, joined as far as they fit into a datagram."""
     first = end = 0
     for size in sizes:
-        if end > first and end + size - first > _MOST_JOINED:
+        if end > first and end + size - first > MOST_JOINED:
             writer.publish(samples[first:end])
             first = end
         end += size

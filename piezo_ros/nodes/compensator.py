@@ -14,19 +14,10 @@
 
 """The compensator: linearised command in, voltage out, through the inverse MRC model."""
 
-from typing import TYPE_CHECKING
-
-import numpy as np
-from numpy.typing import NDArray
-
-from piezo_ros.model.hysteresis import HysteresisParameters
-from piezo_ros.model.stepping import compensator_stepper, packed_memory
-from piezo_ros.nodes.bursts import answer_burst
+from piezo_ros.model import HysteresisParameters, InverseHysteresis
+from piezo_ros.nodes.bursts import answer_waiting
 from piezo_ros.nodes.parameters import read
 from piezo_ros.nodes.stage import Stage
-
-if TYPE_CHECKING:
-    from piezo_ros.nodes.relay import Relay
 
 __all__ = ['Compensator']
 
@@ -46,45 +37,15 @@ class Compensator(Stage):
 
     def start(self) -> None:
         """Assume a virgin stage."""
-        compiled = self.settings.compiled
-        self._inverse = compensator_stepper(self._hysteresis, compiled=compiled)
+        self._inverse = InverseHysteresis(self._hysteresis, compiled=self.settings.compiled)
         self._command = self.readers['command']
         self._voltage = self.writers['voltage']
-        self._relay = self._make_relay() if compiled else None
-
-    def _make_relay(self) -> 'Relay':
-        from piezo_ros.bag.relay_kernels import relay_inverse
-        from piezo_ros.nodes.relay import Relay
-        relay = Relay(self, self._command, self._voltage, relay_inverse, self._poll_other)
-        relay.bind(packed_memory(self._inverse))
-        return relay
 
     def poll(self) -> bool:
-        """Answer one block."""
-        sample = self._command.take_one()
-        if sample is None:
-            return self._poll_other()
-        self.in_blocks = False
-        self._voltage.publish_one(self._inverse(sample))
-        if self._relay:
-            self.quick = self._relay.look
-        return True
-
-    def _poll_other(self) -> bool:
-        """Answer the blocks that wait."""
-        if not self._command.raw:
-            return False
-        longest = answer_burst(self._command, self._voltage, self._answer)
+        """Answer what waits."""
+        longest = answer_waiting(self._command, self._voltage, self._inverse.answer)
         if longest:
             self.in_blocks = longest > 1
         if self._command.ended:
             self.finish()
         return longest > 0 or self._command.ended
-
-    def _answer(self, command_um: NDArray[np.float64]) -> list[float] | NDArray[np.float64]:
-        if not self.settings.compiled:
-            return [self._inverse(sample) for sample in command_um.tolist()]
-        from piezo_ros.model.kernels import inverse_packed_array
-        voltage_v = np.empty_like(command_um)
-        inverse_packed_array(packed_memory(self._inverse), command_um, voltage_v)
-        return voltage_v

@@ -15,40 +15,25 @@
 """The controller: reference, feedforward and displacement in, linearised command out."""
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
 
 from piezo_ros.control.changes import CHANGEABLE, ChangeParameters, parse_changes
-from piezo_ros.control.controller import (
-    AUTO,
-    ControllerParameters,
-    controller_constants,
-    controller_step,
-    initial_state,
-    prepare_transfer,
-    recall_measurement,
-)
-from piezo_ros.control.stepping import PackedController
+from piezo_ros.control.controller import AUTO, ControllerParameters
+from piezo_ros.control.pi_controller import PiController
 from piezo_ros.experiment.node_parameters import DemandParameters
 from piezo_ros.model.parameters import ParameterError
-from piezo_ros.nodes.bursts import BURST_BLOCKS, BlockBuffer, publish_blocks
+from piezo_ros.nodes.bursts import BURST_BLOCKS, MOST_JOINED
 from piezo_ros.nodes.demand import DemandWriter
-from piezo_ros.nodes.law_schedule import NEVER, LawSchedule
+from piezo_ros.nodes.law_schedule import LawSchedule
 from piezo_ros.nodes.parameters import read
 from piezo_ros.nodes.stage import Stage
 from piezo_ros.nodes.streams import StreamFault, StreamReader
 
-if TYPE_CHECKING:
-    from piezo_ros.nodes.relay import Relay
-
 __all__ = ['Controller']
-
-_WORTH_LENDING = 4  # samples; the relay for fewer costs more than it saves
-
 
 class Controller(Stage):
     """
@@ -120,22 +105,19 @@ class Controller(Stage):
     def start(self) -> None:
         """Forget everything and ask for the first samples."""
         self._schedule = LawSchedule(self._law, self._listed_changes)
-        self._packed = PackedController(self._law) if self.settings.compiled else None
-        self._memory = self._packed.state if self._packed else initial_state(self._law)
-        self._lent_at: int | None = None  # index from which on the relay has the targets
+        self._element = PiController(
+            self._law, self.settings.sample_period_s, compiled=self.settings.compiled)
         self._reference = self.readers['reference']
         self._feedforward = self.readers['feedforward']
         self._displacement = self.readers['displacement']
         self._command = self.writers['command']
         self._first = max(self.settings.start_index, 0)
         self._commands_ended = False
-        self._targets = BlockBuffer(self._reference), BlockBuffer(self._feedforward)
         # What must be done before the next sample can be; None for nothing.
         self._prepare: Callable[[], bool] | None = None
         if self.settings.start_index < 0:
             self._prepare = self._join
         self._use_law()
-        self._relay = self._make_relay() if self._packed else None
         self._demand.start(0, self._flow.lookahead_samples)
 
     @property
@@ -143,80 +125,29 @@ class Controller(Stage):
         """Number of the next sample, from the first one of the run on."""
         return self._command.next_index - self._first
 
-    def _make_relay(self) -> 'Relay':
-        from piezo_ros.bag.relay_kernels import relay_controller
-        from piezo_ros.nodes.relay import Relay
-        relay = Relay(self, self._displacement, self._command, relay_controller, self._poll_other)
-        self._bind(relay, np.empty(0), np.empty(0))  # loaded before the first sample
-        return relay
-
-    def _bind(
-        self, relay: 'Relay', reference_um: NDArray[np.float64],
-        feedforward_um: NDArray[np.float64],
-    ) -> None:
-        assert self._packed is not None
-        relay.bind(
-            self._packed.packed, self._first, self._command.next_index, reference_um,
-            feedforward_um)
-
-    def _lend(self, relay: 'Relay') -> None:
-        """Let the relay go on as far as there are targets; what it has used is dropped later."""
-        count = min(len(self._reference.queue), (self._flow.lookahead_samples + 1) // 2)
-        if self._feeds_forward:
-            count = min(count, len(self._feedforward.queue))
-        if self._schedule.change_at >= self._index:
-            count = min(count, self._schedule.change_at - self._index)
-        if count < _WORTH_LENDING:
-            return
-        reference_um = self._reference.queue.head(count)
-        feedforward_um = (
-            self._feedforward.queue.head(count) if self._feeds_forward else np.zeros(count))
-        self._lent_at = self._command.next_index
-        self._bind(relay, reference_um, feedforward_um)
-        self.quick = relay.look
-
-    def _take_back(self) -> None:
-        """Drop the targets that the relay has used."""
-        if self._lent_at is None:
-            return
-        self._lent_at = None
-        self.quick = self.look
-        self._reference.drop_before(self._command.next_index)
-        self._feedforward.drop_before(self._command.next_index)
-
-    def _poll_other(self) -> bool:
-        """Go on with what the relay could not answer."""
-        self._take_back()
-        samples = self._displacement.take_rest()
-        if samples is not None:
-            self._displacement.queue.extend(samples)
-        return self.poll() or samples is not None
-
     def _use_law(self) -> None:
         law = self._schedule.law
-        self._constants = controller_constants(law, self.settings.sample_period_s)
-        if self._packed:
-            self._packed.use(self._constants)
         self._closes_loop = law.uses_feedback
         self._feeds_forward = law.uses_feedforward
         self.in_blocks = not law.uses_feedback
 
     def poll(self) -> bool:
         """Send every command that can be computed now."""
-        self._take_back()
         if self._prepare is not None:
             if not self._prepare():
                 return self._check_end()
             self._prepare = None
-        if self._closes_loop:
-            progress = self._poll_feedback()
-        else:
-            progress = self._poll_blocks()
+        progress = self._take_inputs()
+        while count := self._count_ready():
+            if self._index == self._schedule.change_at:
+                self._change()
+                if self._prepare is not None:
+                    return True
+                continue
+            self._answer(count)
+            progress = True
         self._demand.update(self._displacement.next_index)
-        if self._relay and self._closes_loop and self._prepare is None and self.running:
-            if not (self._displacement.queue or self._displacement.ended):
-                self._lend(self._relay)
-        return progress
+        return self._check_end() or progress
 
     def begin_at(self, index: int) -> None:
         """Wait for the other streams: the run begins where all of them have begun."""
@@ -244,8 +175,7 @@ class Controller(Stage):
         """Go over to the law that holds from the next sample on."""
         had_feedback, fed_forward = self._closes_loop, self._feeds_forward
         self._schedule.apply()
-        if self._index:
-            prepare_transfer(self._memory)
+        self._element.change(self._schedule.law, bumpless=self._index > 0)
         self._use_law()
         needs_past = self._closes_loop and not had_feedback
         needs_feedforward = self._feeds_forward and not fed_forward
@@ -283,59 +213,50 @@ class Controller(Stage):
             displacement.fill()
         while displacement.queue and displacement.queue_index < self._first + self._index:
             index = displacement.queue_index - self._first
-            recall_measurement(self._memory, index, displacement.queue.popleft())
+            self._element.recall(index, displacement.queue.popleft())
         if displacement.queue_index > self._first + self._index:
             raise StreamFault(
                 f'{displacement.subscription.topic_name} begins at sample '
                 f'{displacement.queue_index}, feedback at sample {self._first + self._index}')
         return displacement.queue_index == self._first + self._index
 
-    def _poll_feedback(self) -> bool:
-        displacement, reference = self._displacement, self._reference
-        progress = False
-        if not displacement.queue and displacement.fill():
-            progress = True
-        while displacement.queue and self._next_target():
-            if self._index == self._schedule.change_at:
-                self._change()
-                if self._prepare is not None or not self._closes_loop:
-                    return True
-            reference_um = reference.queue.popleft()
-            feedforward_um = self._feedforward.queue.popleft() if self._feeds_forward else 0.0
-            self._command.publish_one(controller_step(
-                self._memory, self._constants, self._index, reference_um, feedforward_um,
-                displacement.queue.popleft()))
-            progress = True
-        return self._check_end() or progress
+    def _take_inputs(self) -> bool:
+        """Take what has come; return whether there was anything."""
+        if self._closes_loop:
+            progress = not self._displacement.queue and self._displacement.fill()
+            most = 1
+        else:
+            progress = self._take_displacement()
+            most = BURST_BLOCKS
+        for reader in self._targets():
+            if not reader.queue and reader.fill_many(most):
+                progress = True
+                if not self._feeds_forward:
+                    self._skip_feedforward()
+        return progress
 
-    def _poll_blocks(self) -> bool:
-        progress = self._take_displacement()
-        if self._packed:
-            if self._answer_blocks(self._packed):
-                self._skip_feedforward()
-                return True
-            if self._targets[0].size:  # for the feedforward
-                return progress
-        if self._next_target():
-            if self._index == self._schedule.change_at:
-                self._change()
-                if self._prepare is not None or self._closes_loop:
-                    return True
-            reference, feedforward = self._reference.queue, self._feedforward.queue
-            count = len(reference)
-            if self._feeds_forward:
-                count = min(count, len(feedforward))
-            if self._schedule.change_at > self._index:
-                count = min(count, self._schedule.change_at - self._index)
-            commands = []
-            for index in range(self._index, self._index + count):
-                feedforward_um = feedforward.popleft() if self._feeds_forward else 0.0
-                commands.append(controller_step(
-                    self._memory, self._constants, index, reference.popleft(), feedforward_um,
-                    0.0))
-            self._command.publish(commands)
-            progress = True
-        return self._check_end() or progress
+    def _targets(self) -> tuple[StreamReader, ...]:
+        """Return the streams of the trajectory that the scheme needs."""
+        return (
+            (self._reference, self._feedforward) if self._feeds_forward else (self._reference,))
+
+    def _count_ready(self) -> int:
+        """Return of how many samples everything is there, under one law."""
+        count = min(len(reader.queue) for reader in self._targets())
+        if self._closes_loop:
+            count = min(count, len(self._displacement.queue))
+        if self._schedule.change_at > self._index:
+            count = min(count, self._schedule.change_at - self._index)
+        return min(count, MOST_JOINED)
+
+    def _answer(self, count: int) -> None:
+        """Send the commands of the next samples."""
+        reference_um = self._reference.queue.pull(count)
+        nothing = np.zeros(count)
+        self._command.publish(self._element.answer(
+            self._index, reference_um,
+            self._feedforward.queue.pull(count) if self._feeds_forward else nothing,
+            self._displacement.queue.pull(count) if self._closes_loop else nothing))
 
     def _take_displacement(self) -> bool:
         """Take what has come of the displacement; only the newest samples are of interest."""
@@ -343,7 +264,7 @@ class Controller(Stage):
         # from a bag it may be there, end and all, before anything is commanded: what cannot be an
         # answer yet stays where it is.
         displacement, commanded = self._displacement, self._command.next_index
-        wanted = commanded - len(self._memory.measured_um)
+        wanted = commanded - self._element.recalled_samples
         taken = 0
         while taken < BURST_BLOCKS and displacement.next_index <= commanded:
             if not displacement.take_from(wanted):
@@ -353,47 +274,8 @@ class Controller(Stage):
 
     def _skip_feedforward(self) -> None:
         """Take the feedforward also where the scheme does not use it: its writer would wait."""
-        if not self._feeds_forward:
-            while self._feedforward.take_from(self._command.next_index):
-                pass
-
-    def _answer_blocks(self, packed: PackedController) -> bool:
-        """Answer the targets that wait in compiled code, if nothing else is to be done."""
-        reference, feedforward = self._targets
-        if self._schedule.change_at != NEVER or self._reference.queue or (
-                self._feeds_forward and self._feedforward.queue):
-            reference.pour()
-            feedforward.pour()
-            return False
-        reference.fill()
-        count = reference.size
-        if self._feeds_forward and count:
-            feedforward.fill()
-            count = min(count, feedforward.size)
-        if not count:
-            return False
-        from piezo_ros.control.kernels import controller_packed_array
-        blocks = reference.pull(count)
-        reference_um = np.concatenate(blocks)
-        feedforward_um = (
-            np.concatenate(feedforward.pull(count)) if self._feeds_forward
-            else np.zeros_like(reference_um))
-        command_um = np.empty_like(reference_um)
-        controller_packed_array(
-            packed.packed, self._index, reference_um, feedforward_um, command_um)
-        publish_blocks(self._command, command_um, [block.size for block in blocks])
-        return True
-
-    def _next_target(self) -> bool:
-        """Return whether reference and feedforward of the next sample are there."""
-        if not self._reference.queue:
-            if not self._reference.fill():
-                return False
-            self._skip_feedforward()
-        if self._feeds_forward and not self._feedforward.queue:
-            self._feedforward.fill()
-            return bool(self._feedforward.queue) and bool(self._reference.queue)
-        return bool(self._reference.queue)
+        while self._feedforward.take_from(self._command.next_index):
+            pass
 
     def _check_end(self) -> bool:
         """Pass the end of the trajectory on; finish once the plant has ended too."""
@@ -443,7 +325,6 @@ class Controller(Stage):
 
     def _schedule_change(self, at_sample: int, values: Mapping[str, Any]) -> str:
         """Add a change between two samples; return why not, '' if it was added."""
-        self._take_back()
         next_index = self._first + self._index
         if at_sample < 0:
             at_sample = next_index

@@ -349,9 +349,8 @@ def _turns(
         for stage in stages:
             # Stages end within a turn; and who shall stop must not see its peers do so first.
             if stage.running and not stop.signal_number:
-                quick = stage.quick  # which is called faster than an attribute
                 try:
-                    if quick(looks):
+                    if stage.look(looks):
                         idle = False
                 except Exception as error:  # The run ends in order and the voltage at zero.
                     stage.break_off(error)

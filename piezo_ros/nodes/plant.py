@@ -16,7 +16,7 @@
 
 import math
 import time
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,10 +28,8 @@ from piezo_ros.experiment.node_parameters import (
     PaceParameters,
     SafetyParameters,
 )
-from piezo_ros.model.noise import NoiseSource
-from piezo_ros.model.rig import RigParameters, measure_step, rig_constants
-from piezo_ros.model.stepping import packed_memory, rig_stepper, saturated_samples
-from piezo_ros.nodes.bursts import answer_burst, publish_blocks
+from piezo_ros.model import Rig, RigParameters
+from piezo_ros.nodes.bursts import answer_waiting, publish_blocks
 from piezo_ros.nodes.demand import DemandWriter
 from piezo_ros.nodes.pace import Pace
 from piezo_ros.nodes.parameters import read
@@ -40,9 +38,6 @@ from piezo_ros.nodes.simulated_clock import SimulatedClock
 from piezo_ros.nodes.stage import Stage
 from piezo_ros.nodes.stream_node import ServiceRefusedError
 from piezo_ros.nodes.streams import StreamFault, StreamReader
-
-if TYPE_CHECKING:
-    from piezo_ros.nodes.relay import Relay
 
 __all__ = ['Plant']
 
@@ -58,9 +53,9 @@ class Plant(Stage):
     troubles = (*Stage.troubles, 'overruns', 'rail_samples', 'slew_samples')
 
     def __init__(self, *, compiled: bool = False) -> None:
-        self._held_v = np.zeros(1)
+        self._voltage_v = 0.0  # that the rig is driven with
         self._elapsed_s = 0.0
-        self._stage_of: tuple[Any, ...] = ()  # what the stage that is kept was made of
+        self._simulated: Rig | None = None
         self._saturated_before = (0, 0)
         self._pace: Pace | None = None
         self._clock_writer: SimulatedClock | None = None
@@ -72,15 +67,6 @@ class Plant(Stage):
         """Index of the newest reading, 0 before the first."""
         displacement = self.writers.get('displacement')
         return max(displacement.next_index - 1, 0) if displacement else 0
-
-    @property
-    def _voltage_v(self) -> float:
-        """The voltage that the rig is driven with."""
-        return float(self._held_v[0])
-
-    @_voltage_v.setter
-    def _voltage_v(self, value: float) -> None:
-        self._held_v[0] = value
 
     def configure(self) -> None:
         """Read the parameters of the rig."""
@@ -99,11 +85,8 @@ class Plant(Stage):
     def start(self) -> None:
         """Put the rig to rest at its operating point and send its first reading."""
         period_s, start_index = self.settings.sample_period_s, self.settings.start_index
-        self._kept = self._history.keep_state and self._has_stage()
-        if not self._kept:
-            self._make_stage()
-        self._saturated_before = saturated_samples(self._hold)
-        self._noise = NoiseSource(self._rig.seed)
+        self._element = self._rig_for_a_run()
+        self._saturated_before = self._element.saturated_samples
         self._voltage = self.readers['voltage']
         self._displacement = self.writers['displacement']
         self._voltage_v = 0.0
@@ -114,8 +97,6 @@ class Plant(Stage):
         factor = self._timing.realtime_factor
         self._pace = Pace(factor, period_s) if factor else None
         self._held: NDArray[np.float64] | None = None
-        self._relay = (
-            self._make_relay() if self.settings.compiled and not (factor or self._demand) else None)
         if start_index >= 0:
             self._open()
         if self._demand:
@@ -123,24 +104,24 @@ class Plant(Stage):
         if self._clock_writer:
             self._clock_writer.start(period_s)
 
-    def _has_stage(self) -> bool:
-        return self._stage_of == (
-            self._rig, self.settings.sample_period_s, self.settings.compiled)
+    def _rig_for_a_run(self) -> Rig:
+        """Return the rig as it was left, if it shall be kept, else one that was never driven."""
+        if not self._history.keep_state:
+            self._simulated = None
+        known = self._simulated
+        rig = self._present_rig()
+        if rig is known:
+            rig.drive(np.zeros(1))  # once driven, it rests at zero volts wherever that is
+        return rig
 
-    def _make_stage(self) -> None:
-        self._hold = rig_stepper(
-            self._rig, self.settings.sample_period_s, compiled=self.settings.compiled)
-        self._creeps = rig_constants(self._rig, self.settings.sample_period_s).creep is not None
-        self._saturated_before = (0, 0)
-        # Last: diagnostics may ask meanwhile.
-        self._stage_of = (self._rig, self.settings.sample_period_s, self.settings.compiled)
-
-    def _make_relay(self) -> 'Relay':
-        from piezo_ros.bag.relay_kernels import relay_rig
-        from piezo_ros.nodes.relay import Relay
-        relay = Relay(self, self._voltage, self._displacement, relay_rig, self._poll_other)
-        self._bind(relay)  # what must be compiled or loaded is so before the first sample
-        return relay
+    def _present_rig(self) -> Rig:
+        """Return the rig, a new one where its parameters have changed."""
+        rig, period_s = self._simulated, self.settings.sample_period_s
+        if rig is None or (rig.parameters, rig.sample_period_s, rig.is_compiled) != (
+                self._rig, period_s, self.settings.compiled):
+            rig = self._simulated = Rig(self._rig, period_s, compiled=self.settings.compiled)
+            self._saturated_before = (0, 0)
+        return rig
 
     def begin_at(self, index: int) -> None:
         """Open with the reading before the first voltage, whose index is known only now."""
@@ -149,49 +130,14 @@ class Plant(Stage):
 
     def _open(self) -> None:
         """Send the reading before the first voltage."""
-        noise = self._noise(self._displacement.next_index)
-        # A stage that has been driven rests at zero volts, wherever that is.
-        self._displacement.publish_one(
-            self._hold(0.0, noise) if self._kept else measure_step(
-                rig_constants(self._rig, self.settings.sample_period_s), 0.0, noise))
+        self._element.index = self._displacement.next_index
+        self._displacement.publish_one(self._element.measure())
 
     def poll(self) -> bool:
         """Answer one block."""
         if self._pace is not None:
             return self._poll_paced(self._pace)
-        sample = self._voltage.take_one()
-        if sample is None:
-            return self._poll_other()
-        self.in_blocks = False
-        self._answer_one(sample)
-        if self._relay:
-            self._lend(self._relay)
-        return True
-
-    def _lend(self, relay: 'Relay') -> None:
-        """Let the relay go on as far as there is noise at hand."""
-        self._bind(relay)
-        self.quick = relay.look
-
-    def _bind(self, relay: 'Relay') -> None:
-        window = self._noise.window(self._displacement.next_index)
-        relay.bind(packed_memory(self._hold), self._held_v, int(self._creeps), *window)
-
-    def _poll_other(self) -> bool:
-        # At the end of its noise the relay cannot go on either.
-        self.quick = self.look
-        return bool(self._voltage.raw) and self._answer_waiting()
-
-    def _answer_one(self, sample: float) -> None:
-        self._voltage_v = sample
-        index = self._displacement.next_index
-        self._displacement.publish_one(self._hold(sample, self._noise(index)))
-        if self._demand:
-            self._demand.update(index)
-
-    def _answer_waiting(self) -> bool:
-        """Answer the block at hand and those that wait; return whether there was anything."""
-        longest = answer_burst(self._voltage, self._displacement, self._hold_block)
+        longest = answer_waiting(self._voltage, self._displacement, self._answer)
         if longest:
             self.in_blocks = longest > 1
         elif not self._voltage.ended:
@@ -199,27 +145,18 @@ class Plant(Stage):
         self._after_block()
         return True
 
+    def _answer(self, index: int, voltage_v: NDArray[np.float64]) -> NDArray[np.float64]:
+        if self._displacement.sent == 1:
+            self._began_s = time.perf_counter()
+        self._voltage_v = float(voltage_v[-1])
+        return self._element.answer(index, voltage_v)
+
     def _after_block(self) -> None:
         if self._voltage.ended:
             self._elapsed_s = time.perf_counter() - self._began_s
             self.finish()
         if self._demand:
             self._demand.update(self._index)
-
-    def _hold_block(self, voltage_v: NDArray[np.float64]) -> list[float] | NDArray[np.float64]:
-        if self._displacement.sent == 1:
-            self._began_s = time.perf_counter()  # the first block never comes by `take_one`
-        self._voltage_v = voltage_v[-1]
-        noise = self._noise.block(self._displacement.next_index, voltage_v.size)
-        if not self.settings.compiled:
-            return [
-                self._hold(voltage, unit) for voltage, unit in
-                zip(voltage_v.tolist(), noise.tolist(), strict=True)]
-        from piezo_ros.model.kernels import hold_packed_array, hold_packed_creeping_array
-        displacement_um = np.empty_like(voltage_v)
-        (hold_packed_creeping_array if self._creeps else hold_packed_array)(
-            packed_memory(self._hold), voltage_v, noise, displacement_um)
-        return displacement_um
 
     def _poll_paced(self, pace: Pace) -> bool:
         """Answer one block when its time has come."""
@@ -236,7 +173,8 @@ class Plant(Stage):
                 return False
         samples, self._held = self._held, None
         if samples.size:
-            publish_blocks(self._displacement, self._hold_block(samples), [samples.size])
+            index = self._voltage.next_index - samples.size
+            publish_blocks(self._displacement, self._answer(index, samples), [samples.size])
         self._after_block()
         return True
 
@@ -268,7 +206,7 @@ class Plant(Stage):
                 self._voltage_v = 0.0
             else:
                 self._voltage_v -= math.copysign(step_v, self._voltage_v)
-            self._hold(self._voltage_v, 0.0)
+            self._element.drive(np.array([self._voltage_v]))
         if self._clock_writer:
             self._clock_writer.stop()
         if self._demand:
@@ -293,20 +231,16 @@ class Plant(Stage):
         return self._history.initialise_amplitude_v or reach_v
 
     def _demagnetise(self) -> None:
-        if not self._has_stage():
-            self._make_stage()
-        period_s = self.settings.sample_period_s
-        for voltage_v in demagnetising_voltage(
+        rig, period_s = self._present_rig(), self.settings.sample_period_s
+        rig.drive(np.fromiter(demagnetising_voltage(
             self._initial_amplitude_v(), self._history.initialise_levels,
-            self._safety.safe_slew_v_per_s, period_s,
-        ):
-            self._hold(voltage_v, 0.0)
-        for _ in range(round(_SETTLE_S / period_s)):
-            self._hold(0.0, 0.0)
+            self._safety.safe_slew_v_per_s, period_s), np.float64))
+        rig.drive(np.zeros(round(_SETTLE_S / period_s)))
 
     def counts(self) -> dict[str, int]:
         """Return the counts of every stage, those of the pace, and of what the drive cannot do."""
-        rail, slew = saturated_samples(self._hold) if self._stage_of else (0, 0)
+        rig = self._simulated
+        rail, slew = rig.saturated_samples if rig else (0, 0)
         return {
             **super().counts(), 'overruns': self._pace.overruns if self._pace else 0,
             'rail_samples': max(0, rail - self._saturated_before[0]),

@@ -29,8 +29,7 @@ class SampleQueue:
     """
     First in, first out; what waits lies in one piece.
 
-    Compiled code uses the samples where they lie: what `head` has handed out is never written over,
-    whatever comes and goes.
+    Samples are handed out where they lie, and never written over, whatever comes and goes.
     """
 
     def __init__(self) -> None:
@@ -73,9 +72,10 @@ class SampleQueue:
         self._first += 1
         return sample
 
-    def head(self, count: int) -> NDArray[np.float64]:
-        """Return the oldest samples, at most those that wait, which go on waiting."""
-        return self._samples[self._first:min(self._first + count, self._end)]
+    def pull(self, count: int) -> NDArray[np.float64]:
+        """Return the oldest samples, at most those that wait, which wait no more."""
+        first, self._first = self._first, min(self._first + count, self._end)
+        return self._samples[first:self._first]
 
     def drop(self, count: int) -> None:
         """Throw the oldest samples away, at most those that wait."""

@@ -22,7 +22,6 @@ what that gains.
 import math
 import struct
 import time
-from array import array
 from collections.abc import Callable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -79,8 +78,8 @@ class StreamWriter:
 
     Attributes
     ----------
-    counter : array of int, shape (1,)
-        `next_index` where compiled code finds it.
+    next_index : int
+        Index of the next sample.
 
     """
 
@@ -89,7 +88,7 @@ class StreamWriter:
         self.outlet = Outlet(stage, stream)
         self.publisher = self.outlet.publisher
         self.copy = StreamCopy(stage, stream, copy_samples) if copy_samples else None
-        self.counter = array('q', [0])
+        self.next_index = 0
         self._codec = BlockCodec(stream)
         # A block of one sample is written over the one before: no bytes are put together for it.
         head, numbers = self._codec.single
@@ -109,7 +108,7 @@ class StreamWriter:
         self._write_numbers(index, sample_period_s, 0.0)
 
     def _begin(self, index: int) -> None:
-        self._first = self.counter[0] = index
+        self._first = self.next_index = index
         if self.copy:
             self.copy.start(index, self._period_s)
 
@@ -137,14 +136,9 @@ class StreamWriter:
         return _unpack_number(self.message, len(self.message) - 8)[0]  # type: ignore[no-any-return]
 
     @property
-    def next_index(self) -> int:
-        """Index of the next sample."""
-        return self.counter[0]
-
-    @property
     def sent(self) -> int:
         """Number of samples of this run."""
-        return self.counter[0] - self._first
+        return self.next_index - self._first
 
     def begin_at(self, index: int) -> None:
         """Begin at another index, unless something is sent already."""
@@ -153,10 +147,10 @@ class StreamWriter:
 
     def publish_one(self, value: float) -> None:
         """Publish the next sample."""
-        index = self.counter[0]
+        index = self.next_index
         self._write_numbers(index, self._period_s, value)
         self.outlet.publish(self.message, index)
-        self.counter[0] = index + 1
+        self.next_index = index + 1
         copy = self.copy
         if copy:
             copy.recent[index % copy.recent.size] = value
@@ -175,7 +169,7 @@ class StreamWriter:
         self.outlet.publish(raw, index)
         if self.copy:
             self.copy.pass_on(raw, index, count)
-        self.counter[0] = index + count
+        self.next_index = index + count
         self._write_numbers(index + count - 1, self._period_s, values[-1])
 
     def _new_block(self, count: int) -> tuple[bytearray, NDArray[np.float64]]:
@@ -219,8 +213,8 @@ class StreamReader:
 
     Attributes
     ----------
-    counter : array of int, shape (1,)
-        `next_index` where compiled code finds it.
+    next_index : int
+        Index of the next sample.
 
     """
 
@@ -231,7 +225,7 @@ class StreamReader:
         self.queue = SampleQueue()
         self.refused = 0
         self.gaps = 0
-        self.counter = array('q', [0])
+        self.next_index = 0
         self.ended = False
         self.raw = b''  # the newest message, nothing where there was none
         self._stage = stage
@@ -250,6 +244,7 @@ class StreamReader:
         self._first = 0
         self._any_start = False
         self._warned = 0.0
+        self._fault: StreamFault | None = None  # after what is in the queue
         self._lost: RunningTime | None = None  # since when it has had no writer
         self._received_then = 0
 
@@ -270,7 +265,7 @@ class StreamReader:
         self._fence.begin(takes_any_start=index < 0)
         if self.held:
             self._take_message = self._take_held
-        self._first = self.counter[0] = index
+        self._first = self.next_index = index
         self.refused = 0
         self.gaps = 0
         self.ended = False
@@ -279,21 +274,12 @@ class StreamReader:
         self._period_s = sample_period_s
         self._fast_period_s = math.nan  # whatever comes first is looked at closely
         self._lost = None
-
-    @property
-    def example(self) -> bytes:
-        """One sample alone, as the hot path takes it."""
-        return self._codec.encode_one(0, self._period_s or 0.0, 0.0)
-
-    @property
-    def next_index(self) -> int:
-        """Index of the next sample."""
-        return self.counter[0]
+        self._fault = None
 
     @property
     def received(self) -> int:
         """Number of samples of this run."""
-        return self.counter[0] - self._first
+        return self.next_index - self._first
 
     def discard_rest(self) -> None:
         """Throw away what comes of a run that is over here, and not at its writer."""
@@ -337,10 +323,10 @@ class StreamReader:
         if len(raw) == self._single_size:
             head, index, period_s, sample = self._unpack_single(raw)
             if (
-                index == self.counter[0] and period_s == self._fast_period_s
+                index == self.next_index and period_s == self._fast_period_s
                 and sample - sample == 0.0 and head == self._single_head
             ):
-                self.counter[0] += 1
+                self.next_index += 1
                 return sample  # type: ignore[no-any-return]
         return None
 
@@ -372,10 +358,10 @@ class StreamReader:
         if head is not None and raw.startswith(head):
             at = len(head)
             index, period_s = _unpack_pair(raw, at)
-            if index == self.counter[0] and period_s == self._fast_period_s:
+            if index == self.next_index and period_s == self._fast_period_s:
                 samples = np.frombuffer(raw, np.float64, -1, at + 16)
                 if _isfinite(samples.dot(samples)):  # else one of them may not be
-                    self.counter[0] += samples.size
+                    self.next_index += samples.size
                     return samples
         if not raw:
             return None
@@ -392,7 +378,7 @@ class StreamReader:
             if not self._accept_other(index, period_s, samples.size):
                 return None
         if samples.size:
-            self.counter[0] += samples.size
+            self.next_index += samples.size
             self._fast_period_s = period_s
             if len(raw) not in self._heads:
                 self._remember_head(len(raw), samples.size)
@@ -436,6 +422,28 @@ class StreamReader:
             return False
         self.queue.extend(samples)
         return True
+
+    def fill_many(self, most: int) -> bool:
+        """
+        Move blocks into the queue; return whether there were any.
+
+        Raises
+        ------
+        StreamFault
+            If samples are missing or the sample period changes; not before the queue is empty.
+
+        """
+        if self._fault and not self.queue:
+            raise self._fault
+        blocks = 0
+        try:
+            while blocks < most and self.fill():
+                blocks += 1
+        except StreamFault as fault:
+            if not self.queue:
+                raise
+            self._fault = fault
+        return blocks > 0
 
     def take_from(self, index: int) -> bool:
         """
@@ -505,7 +513,7 @@ class StreamReader:
             raise StreamFault(
                 f'{topic} has the sample period {period_s!r} s, expected {self._period_s!r} s')
         if first:
-            self._first = self.counter[0] = index
+            self._first = self.next_index = index
             self._stage.begin_at(index)
         if index != self.next_index:
             self.gaps += 1

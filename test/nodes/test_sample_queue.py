@@ -25,7 +25,7 @@ from piezo_ros.nodes.sample_queue import SampleQueue
 
 # What is done: so many samples come alone, in one block, go alone, are used, go unseen.
 STEPS = st.lists(st.tuples(
-    st.sampled_from(['append', 'extend', 'popleft', 'head', 'drop', 'clear']),
+    st.sampled_from(['append', 'extend', 'popleft', 'pull', 'drop', 'clear']),
     st.integers(0, 3000)), max_size=40)
 
 
@@ -49,10 +49,12 @@ def test_it_is_a_deque_whose_used_samples_stay(steps):
                 sample = queue.popleft()
                 assert type(sample) is float
                 assert sample == expected.popleft()
-        elif what == 'head':
-            head = queue.head(count)
+        elif what == 'pull':
+            head = queue.pull(count)
             used.append((head, head.copy()))
             assert head.tolist() == list(expected)[:count]
+            for _ in range(head.size):
+                expected.popleft()
         else:
             count = len(expected) if what == 'clear' else count
             for _ in range(min(count, len(expected))):
@@ -62,7 +64,7 @@ def test_it_is_a_deque_whose_used_samples_stay(steps):
             else:
                 queue.drop(count)
         assert len(queue) == len(expected)
-        assert queue.head(len(queue)).tolist() == list(expected)
+    assert queue.pull(len(queue)).tolist() == list(expected)
     for head, before in used:
         np.testing.assert_array_equal(head, before)
 

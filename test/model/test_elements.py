@@ -15,9 +15,7 @@
 import numpy as np
 import pytest
 
-from piezo_ros.model import HysteresisParameters, Rig, RigParameters
-from piezo_ros.model.noise import unit_noise
-from piezo_ros.model.stepping import compensator_stepper, rig_stepper, saturated_samples
+from piezo_ros.model import HysteresisParameters, InverseHysteresis, Rig, RigParameters
 
 PERIOD_S = 1e-5
 CREEP = {'creep_per_decade': 0.02, 'creep_start_s': 1e-3}
@@ -33,30 +31,36 @@ CREEP = {'creep_per_decade': 0.02, 'creep_start_s': 1e-3}
 ])
 def test_a_rig_behind_one_call_gives_the_same_bits_in_python_and_compiled(parameters):
     inputs = 4.0 * np.sin(np.arange(4000) / 30)
-    noise = unit_noise(parameters.seed, 1, inputs.size).tolist()
     expected = Rig(parameters).run(inputs)
     for compiled in (False, True):
-        hold = rig_stepper(parameters, PERIOD_S, compiled=compiled)
-        readings = np.array([hold(*pair) for pair in zip(inputs.tolist(), noise, strict=True)])
+        rig = Rig(parameters, PERIOD_S, compiled=compiled)
+        readings = np.array([rig.step(voltage_v) for voltage_v in inputs.tolist()])
+        assert readings.tobytes() == expected.tobytes()
+        blocks = Rig(parameters, PERIOD_S, compiled=compiled)
+        readings = np.concatenate([
+            blocks.answer(at, inputs[at:at + 700]) for at in range(0, inputs.size, 700)])
         assert readings.tobytes() == expected.tobytes()
 
 
 def test_the_inverse_behind_one_call_gives_the_same_bits_in_python_and_compiled():
-    wanted_um = (3.0 * np.sin(np.arange(2000) / 30)).tolist()
+    wanted_um = 3.0 * np.sin(np.arange(2000) / 30)
     plain, compiled = (
-        [step(value) for value in wanted_um] for step in (
-            compensator_stepper(HysteresisParameters(), compiled=flag) for flag in (False, True)))
-    assert plain == compiled
+        InverseHysteresis(HysteresisParameters(), compiled=flag).answer(0, wanted_um)
+        for flag in (False, True))
+    assert plain.tobytes() == compiled.tobytes()
+    one_by_one = InverseHysteresis(HysteresisParameters())
+    assert plain.tolist() == [
+        one_by_one.answer(k, wanted_um[k:k + 1])[0] for k in range(wanted_um.size)]
 
 
 @pytest.mark.parametrize('compiled', [False, True])
 def test_samples_beyond_a_rail_and_slewing_samples_are_counted(compiled):
     parameters = RigParameters(slew_limit_v_per_s=1e5, dac_bits=0)  # 1 V a sample
-    hold = rig_stepper(parameters, PERIOD_S, compiled=compiled)
+    rig = Rig(parameters, PERIOD_S, compiled=compiled)
     counts = []
     for voltage_v in (0.5, 5.0, 5.0, 5.0, 5.1, 5.1, -7.0, -6.0, -8.0):
-        hold(voltage_v, 0.0)
-        counts.append(saturated_samples(hold))
+        rig.drive(np.array([voltage_v]))
+        counts.append(rig.saturated_samples)
     # From 0.5 V to the rail at 5 V in five samples, two of them asking for more than the rail.
     assert counts == [
         (0, 0), (0, 1), (0, 2), (0, 3), (1, 4), (2, 4), (2, 5), (2, 6), (3, 7)]

@@ -1,0 +1,138 @@
+# Copyright 2026 piezo_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The controller with its state: reference, feedforward and readings in, commands out."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from piezo_ros.control.controller import (
+    ControllerConstants,
+    ControllerParameters,
+    ControllerState,
+    controller_constants,
+    controller_step,
+    initial_state,
+    prepare_transfer,
+    recall_measurement,
+)
+from piezo_ros.model.step import step
+
+__all__ = ['PiController', 'unpacked_controller']
+
+_CONSTANTS = len(ControllerConstants._fields)
+_MEMORY = 3
+
+
+class PiController:
+    """
+    The PI controller under any of its schemes, at rest.
+
+    Parameters
+    ----------
+    law : ControllerParameters
+        Gains and scheme; what it remembers has the size that these give it.
+    sample_period_s : float
+        Sample period, seconds.
+    compiled : bool, optional
+        Whether to compute in compiled code: quicker for each sample, a second more to start. The
+        bits are the same.
+
+    """
+
+    def __init__(
+        self, law: ControllerParameters, sample_period_s: float, *, compiled: bool = True,
+    ) -> None:
+        self.is_compiled = compiled
+        self._sample_period_s = sample_period_s
+        self._state = initial_state(law)
+        self._constants = controller_constants(law, sample_period_s)
+        self.memory = np.empty(0)
+        if compiled:
+            self.memory = np.array(
+                [*self._constants, *self._state.memory, *self._state.measured_um],
+                dtype=np.float64)
+            at = _CONSTANTS + _MEMORY
+            self._state = ControllerState(self.memory[_CONSTANTS:at], self.memory[at:])
+
+    def change(self, law: ControllerParameters, *, bumpless: bool) -> None:
+        """
+        Take over another law from the next sample on.
+
+        Parameters
+        ----------
+        law : ControllerParameters
+            Gains and scheme.
+        bumpless : bool
+            Whether the next command shall go on from the last one, as far as the scheme can.
+
+        """
+        self._constants = controller_constants(law, self._sample_period_s)
+        if self.is_compiled:
+            self.memory[:_CONSTANTS] = self._constants
+        if bumpless:
+            prepare_transfer(self._state)
+
+    @property
+    def recalled_samples(self) -> int:
+        """How many of the last readings a scheme with feedback needs before its first sample."""
+        return len(self._state.measured_um)
+
+    def recall(self, index: int, displacement_um: float) -> None:
+        """Take note of a reading that came while the scheme had no use for it."""
+        recall_measurement(self._state, index, displacement_um)
+
+    def answer(
+        self, index: int, reference_um: NDArray[np.float64], feedforward_um: NDArray[np.float64],
+        displacement_um: NDArray[np.float64],
+    ) -> NDArray[np.float64]:
+        """
+        Return the commands of consecutive samples.
+
+        Parameters
+        ----------
+        index : int
+            k of the first sample, from the first one of the run on.
+        reference_um, feedforward_um, displacement_um : ndarray of float64, shape (N,)
+            y_d, u_ff and y of the samples k … k+N-1. What the scheme does not use may be zeros.
+
+        Returns
+        -------
+        ndarray of float64, shape (N,)
+            v[k] … v[k+N-1], micrometres.
+
+        """
+        if self.is_compiled:
+            from piezo_ros.control.kernels import controller_array
+            command_um = np.empty(reference_um.size)
+            controller_array(
+                self.memory, index, reference_um, feedforward_um, displacement_um, command_um)
+            return command_um
+        state, constants = self._state, self._constants
+        samples = zip(
+            reference_um.tolist(), feedforward_um.tolist(), displacement_um.tolist(), strict=True)
+        return np.array([
+            controller_step(state, constants, index + k, *sample)
+            for k, sample in enumerate(samples)])
+
+
+@step
+def unpacked_controller(memory: Any) -> tuple[ControllerState, ControllerConstants]:
+    """Return state and constants of a compiled controller as views of its memory."""
+    constants = ControllerConstants(
+        memory[0] > 0.0, memory[1] > 0.0, memory[2], memory[3], memory[4], memory[5],
+        int(memory[6]))
+    return ControllerState(memory[7:10], memory[10:]), constants

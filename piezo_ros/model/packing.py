@@ -1,0 +1,146 @@
+# Copyright 2026 piezo_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+State and constants of an element in one flat array, for compiled code.
+
+What a compiled call costs is handing its arguments over: one array instead of several dozen. The
+kernel takes it apart again, into the named tuples that the steps know, as views of the array.
+"""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from piezo_ros.model.converter import ConverterConstants
+from piezo_ros.model.creep import CreepConstants
+from piezo_ros.model.hysteresis import HysteresisConstants, state_size
+from piezo_ros.model.rig import RigConstants, RigState
+from piezo_ros.model.state_space import LinearConstants
+from piezo_ros.model.step import step
+
+__all__ = [
+    'packed_creep',
+    'packed_inverse',
+    'packed_rig',
+    'unpacked_inverse',
+    'unpacked_rig',
+    'unpacked_state',
+]
+
+
+def packed_rig(state: RigState, constants: RigConstants) -> NDArray[np.float64]:
+    """Return state and constants of a rig as `unpacked_rig` takes them."""
+    sizes = [
+        len(constants.hysteresis.width_um), len(state.amplifier), len(state.mechanics),
+        len(state.relaxed_um)]
+    return _packed(sizes, state, constants)
+
+
+def packed_inverse(state: Any, constants: HysteresisConstants) -> NDArray[np.float64]:
+    """Return state and constants of an inverse model as `unpacked_inverse` takes them."""
+    return _packed([len(constants.width_um)], state, constants)
+
+
+def _packed(sizes: list[int], *contents: Any) -> NDArray[np.float64]:
+    return np.array([*sizes, *_flat(contents)], dtype=np.float64)
+
+
+def _flat(value: Any) -> list[float]:
+    """Return the numbers of nested named tuples and lists, depth first; none of None."""
+    if value is None:
+        return []
+    if isinstance(value, list | tuple):
+        return [number for element in value for number in _flat(element)]
+    return [float(value)]
+
+
+@step
+def packed_creep(memory: Any) -> CreepConstants:
+    """Return the creep in the memory of a rig that has one."""
+    relaxations, end = int(memory[3]), len(memory) - 1
+    return CreepConstants(
+        memory[end - 2 * relaxations:end - relaxations], memory[end - relaxations:end],
+        memory[end])
+
+
+@step
+def unpacked_state(memory: Any) -> RigState:
+    """Return the state of a rig as views of its memory."""
+    elements, first_order, second_order = int(memory[0]), int(memory[1]), int(memory[2])
+    relaxations = int(memory[3])
+    amplifier_at = 7
+    hysteresis_at = amplifier_at + first_order
+    mechanics_at = hysteresis_at + state_size(elements)
+    displacement_at = mechanics_at + second_order
+    relaxed_at = displacement_at + 1
+    drift_at = relaxed_at + relaxations
+    scratch_at = drift_at + 1
+    return RigState(
+        memory[4:amplifier_at], memory[amplifier_at:hysteresis_at],
+        memory[hysteresis_at:mechanics_at], memory[mechanics_at:displacement_at],
+        memory[displacement_at:relaxed_at], memory[relaxed_at:drift_at],
+        memory[drift_at:scratch_at], memory[scratch_at:scratch_at + 5])
+
+
+@step
+def unpacked_rig(
+    memory: Any, creep: CreepConstants | None,
+) -> tuple[RigState, RigConstants]:
+    """Return state and constants of a rig as views of its memory."""
+    elements, first_order, second_order = int(memory[0]), int(memory[1]), int(memory[2])
+    at = 14 + first_order + state_size(elements) + second_order + int(memory[3])
+    state = unpacked_state(memory)
+    dac = _converter_at(memory, at)
+    slew_step_v = memory[at + 4]
+    at += 5
+    amplifier = _linear_at(memory, at, first_order)
+    at += first_order * (first_order + 2) + 1
+    hysteresis = _hysteresis_at(memory, at, elements)
+    at += 3 * elements + 4
+    mechanics = _linear_at(memory, at, second_order)
+    at += second_order * (second_order + 2) + 1
+    return state, RigConstants(
+        dac, slew_step_v, amplifier, hysteresis, mechanics, memory[at] > 0.0, memory[at + 1],
+        _converter_at(memory, at + 2), creep)
+
+
+@step
+def unpacked_inverse(memory: Any) -> tuple[Any, HysteresisConstants]:
+    """Return state and constants of an inverse model as views of its memory."""
+    elements = int(memory[0])
+    constants_at = 1 + state_size(elements)
+    return memory[1:constants_at], _hysteresis_at(memory, constants_at, elements)
+
+
+@step
+def _converter_at(memory: Any, at: int) -> ConverterConstants:
+    return ConverterConstants(memory[at], memory[at + 1], memory[at + 2], memory[at + 3])
+
+
+@step
+def _linear_at(memory: Any, at: int, order: int) -> LinearConstants:
+    square = order * order
+    return LinearConstants(
+        memory[at:at + square], memory[at + square:at + square + order],
+        memory[at + square + order:at + square + 2 * order], memory[at + square + 2 * order])
+
+
+@step
+def _hysteresis_at(memory: Any, at: int, elements: int) -> HysteresisConstants:
+    return HysteresisConstants(
+        memory[at:at + elements], memory[at + elements:at + 2 * elements],
+        memory[at + 2 * elements:at + 3 * elements], memory[at + 3 * elements],
+        memory[at + 3 * elements + 1], memory[at + 3 * elements + 2], memory[at + 3 * elements + 3])

@@ -1,0 +1,195 @@
+# Copyright 2026 piezo_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The simulated rig: voltages in, readings of the sensor out.
+
+The voltage u[k] is held from t[k] to t[k+1], and y[k+1] is the reading at the end of that period.
+"""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from piezo_ros.model.noise import NoiseSource
+from piezo_ros.model.packing import packed_rig, unpacked_state
+from piezo_ros.model.rig import (
+    RigParameters,
+    RigState,
+    initial_state,
+    measure_step,
+    rig_constants,
+    sample_step,
+)
+
+__all__ = ['Rig']
+
+
+class Rig:
+    """
+    The simulated rig with its state, at rest at its operating point and never driven.
+
+    Parameters
+    ----------
+    parameters : RigParameters, optional
+        The rig; the published values without mismatch by default.
+    sample_period_s : float, optional
+        Sample period, seconds.
+    compiled : bool, optional
+        Whether to compute in compiled code: quicker for each sample, a second more to start. The
+        bits are the same.
+
+    Attributes
+    ----------
+    index : int
+        Index of the newest reading, 0 before the first voltage.
+
+    Raises
+    ------
+    ValueError
+        If the sample period is not finite and positive.
+
+    Examples
+    --------
+    >>> rig = Rig(RigParameters(noise_rms_um=0.0))
+    >>> readings_um = rig.run([1.0, 1.0, 1.0])
+    >>> readings_um.shape
+    (3,)
+
+    """
+
+    def __init__(
+        self, parameters: RigParameters | None = None, sample_period_s: float = 1e-5, *,
+        compiled: bool = True,
+    ) -> None:
+        self.parameters = parameters or RigParameters()
+        self.sample_period_s = sample_period_s
+        self.constants = rig_constants(self.parameters, sample_period_s)
+        self.is_compiled = compiled
+        self.reset()
+
+    def reset(self) -> None:
+        """Return to rest at the operating point, never driven, index 0."""
+        self._state = initial_state(self.constants)
+        self.memory = np.empty(0)
+        if self.is_compiled:
+            self.memory = packed_rig(self._state, self.constants)
+            self._state = unpacked_state(self.memory)
+        self.index = 0
+        self._noise = NoiseSource(self.parameters.seed)
+
+    @property
+    def state(self) -> RigState:
+        """Everything it remembers, as lists."""
+        return RigState(*(list(map(float, values)) for values in self._state))
+
+    @property
+    def saturated_samples(self) -> tuple[int, int]:
+        """How many voltages were beyond a rail, and how many beyond the slew limit."""
+        return int(self._state.drive_v[1]), int(self._state.drive_v[2])
+
+    def measure(self) -> float:
+        """Return the reading at the present index, micrometres; the rig does not move."""
+        return measure_step(
+            self.constants, float(self._state.displacement_um[0]), self._noise(self.index))
+
+    def answer(self, index: int, voltage_v: NDArray[np.float64]) -> NDArray[np.float64]:
+        """
+        Hold voltages for a sample period each and return the readings at their ends.
+
+        Parameters
+        ----------
+        index : int
+            k of the first voltage u[k].
+        voltage_v : ndarray of float64, shape (N,)
+            u[k] … u[k+N-1], finite, deviations from the operating point.
+
+        Returns
+        -------
+        ndarray of float64, shape (N,)
+            y[k+1] … y[k+N], micrometres, deviations from the operating point.
+
+        """
+        self.index = index + voltage_v.size
+        return self._hold(voltage_v, self._noise.block(index + 1, voltage_v.size))
+
+    def drive(self, voltage_v: NDArray[np.float64]) -> None:
+        """Hold voltages for a sample period each, shape (N,), without taking a reading."""
+        self._hold(voltage_v, np.zeros(voltage_v.size))
+
+    def _hold(
+        self, voltage_v: NDArray[np.float64], unit_noise: NDArray[np.float64],
+    ) -> NDArray[np.float64]:
+        if self.is_compiled:
+            from piezo_ros.model.kernels import creeping_rig_array, rig_array
+            readings_um = np.empty(voltage_v.size)
+            kernel = creeping_rig_array if self.constants.creep else rig_array
+            kernel(self.memory, voltage_v, unit_noise, readings_um)
+            return readings_um
+        state, constants = self._state, self.constants
+        return np.array([
+            sample_step(state, constants, voltage, noise)
+            for voltage, noise in zip(voltage_v.tolist(), unit_noise.tolist(), strict=True)])
+
+    def step(self, voltage_v: float) -> float:
+        """
+        Hold a voltage for one sample period and return the reading at its end.
+
+        Parameters
+        ----------
+        voltage_v : float
+            Voltage, deviation from the operating point.
+
+        Returns
+        -------
+        float
+            Measured displacement, micrometres, deviation from the operating point.
+
+        Raises
+        ------
+        ValueError
+            If the voltage is not finite.
+
+        """
+        if voltage_v - voltage_v != 0.0:
+            raise ValueError(f'voltage_v is {voltage_v}, it must be finite')
+        return float(self.answer(self.index, np.array([voltage_v], dtype=np.float64))[0])
+
+    def run(self, voltage_v: ArrayLike) -> NDArray[np.float64]:
+        """
+        Return the readings that a voltage causes, the same bits as `step` one by one.
+
+        Parameters
+        ----------
+        voltage_v : array_like, shape (N,)
+            Voltages, deviations from the operating point.
+
+        Returns
+        -------
+        ndarray, shape (N,)
+            ``y[k]`` is the reading at the end of the period in which ``voltage_v[k]`` was held.
+
+        Raises
+        ------
+        ValueError
+            If a voltage is not finite, or the shape is wrong.
+
+        """
+        inputs = np.ascontiguousarray(voltage_v, dtype=np.float64)
+        if inputs.ndim != 1:
+            raise ValueError(f'voltage_v has shape {inputs.shape}, it must be one-dimensional')
+        finite = np.isfinite(inputs)
+        if not finite.all():
+            first = int(np.argmin(finite))
+            raise ValueError(f'voltage_v[{first}] is {inputs[first]}, it must be finite')
+        return self.answer(self.index, inputs)
