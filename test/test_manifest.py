@@ -34,6 +34,7 @@ KEYS = {
     'control': 'python-control-pip',
     'hypothesis': 'python3-hypothesis',
     'lz4': 'mcap-ros2-support',
+    'markupsafe': 'python3-jinja2',
     'matplotlib': 'python3-matplotlib',
     'mcap': 'mcap-ros2-support',
     'mcap_ros2': 'mcap-ros2-support',
