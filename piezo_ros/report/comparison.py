@@ -62,7 +62,7 @@ class Agreement(NamedTuple):
     pairs : int
         Cases with one published FF and one published FBFF run.
     same_winner : int
-        Pairs in which the scheme with the smaller error is the published one.
+        Pairs in which the better scheme is the same as in the paper.
 
     """
 

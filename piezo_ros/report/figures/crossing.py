@@ -92,8 +92,8 @@ def crossing_figure(rows: Sequence[CrossingRow]) -> Figure:
             frequency_hz = np.asarray(row.frequency_hz, dtype=np.float64)
             errors = {'ff': row.ff_percent, 'fbff': row.fbff_percent}
             _published_band(panel, row.published_band_hz)
-            for scheme in errors:
-                panel.plot(frequency_hz, np.asarray(errors[scheme]), color=scheme_colour(scheme),
+            for scheme, percent in errors.items():
+                panel.plot(frequency_hz, np.asarray(percent), color=scheme_colour(scheme),
                            marker='o', markersize=2.6)
             if row.crossing_hz is not None:
                 level = math.exp(np.interp(

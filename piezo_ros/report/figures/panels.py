@@ -71,7 +71,7 @@ class PanelGrid(NamedTuple):
 
 
 class LegendGrid(NamedTuple):
-    """Number of entries beside each other in a legend, and of rows of entries."""
+    """Arrangement of the entries of a legend in columns and rows."""
 
     columns: int
     rows: int
@@ -145,14 +145,14 @@ def add_head(figure: Figure, handles: list[Artist], title: str = '') -> None:
 
 
 def legend_grid(labels: Sequence[str]) -> LegendGrid:
-    """Return the arrangement of a legend above a figure of full width."""
+    """Return how many columns and rows a legend above a figure of full width needs."""
     entry_in = _LETTER_IN * max(len(label) for label in labels) + _HANDLE_IN
     columns = max(1, min(len(labels), int(_LEGEND_IN / entry_in)))
     return LegendGrid(columns, math.ceil(len(labels) / columns))
 
 
 def percent_axis(panel: Axes, which: str = 'y') -> None:
-    """Make an axis logarithmic with plain numbers, for errors that differ tenfold."""
+    """Make an axis of errors logarithmic with plain numbers, as errors may differ tenfold."""
     panel.set(**{f'{which}scale': 'log'})
     axis = panel.yaxis if which == 'y' else panel.xaxis
     axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))

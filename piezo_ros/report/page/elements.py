@@ -24,8 +24,8 @@ from matplotlib.figure import Figure
 from piezo_ros.report.figures.export import png, svg
 from piezo_ros.report.page.content import Content, Facts, Paragraph, Picture, Table
 from piezo_ros.report.page.inline_svg import inline_svg
-from piezo_ros.report.page.tables import row_groups, table_csv
 from piezo_ros.report.page.rendering import render
+from piezo_ros.report.page.tables import row_groups, table_csv
 
 __all__ = ['ElementRenderer']
 

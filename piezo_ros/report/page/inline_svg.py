@@ -26,7 +26,8 @@ __all__ = ['inline_svg']
 
 # Letters of 9.5 pt in a figure are then as large as small print on the page.
 _PAGE_REM_PER_POINT: Final = 0.102
-# Colour of a figure -> what stands for it in report.css, light or dark as the reader's system is.
+# Colour of a figure -> its value on the page. report.css sets the variables for light and dark
+# systems.
 _PAGE_COLOURS: Final = {INK: 'currentColor', GRID: 'var(--grid)', BACKGROUND: 'none'} | {
     colour: f'var(--{scheme.replace("_", "-")}, {colour})'
     for scheme, colour in SCHEME_COLOURS.items()} | {

@@ -37,8 +37,8 @@ from piezo_ros.report.page.content import (
     Table,
     Value,
 )
-from piezo_ros.report.page.tables import row_groups
 from piezo_ros.report.page.rendering import render
+from piezo_ros.report.page.tables import row_groups
 from piezo_ros.report.run_tables import SCORE_COLUMNS, score_values
 from piezo_ros.report.score import ScoredRun
 
