@@ -33,6 +33,7 @@ KEYS = {
     'catkin_pkg': 'python3-catkin-pkg-modules',
     'control': 'python-control-pip',
     'hypothesis': 'python3-hypothesis',
+    'jinja2': 'python3-jinja2',
     'lz4': 'mcap-ros2-support',
     'markupsafe': 'python3-jinja2',
     'matplotlib': 'python3-matplotlib',
