@@ -12,20 +12,39 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-r"""
+"""
 The Maxwell resistive capacitor (MRC) hysteresis operator and its exact inverse.
 
-Every voltage-limited element is kept by its *play* value r_i, the displacement around which it is
-at rest: u_i = (x - r_i)/kappa_i with \|x - r_i\| <= w_i = kappa_i u_S,i. A saturated element
-drags its play along (r_i = x -/+ w_i), every other one leaves it alone. This is (1) to (4) in
-Liu 2015 without the increments, so nothing is ever accumulated and no rounding builds up, however
-long the input.
+n voltage-limited capacitors and a plain one (i = n + 1) in series, (1) to (4) in Liu 2015::
 
-As long as the same elements are dragged, the voltage is a straight line of the displacement,
-u = K x - H. The steps keep that line, and the reach within which it holds, beside the plays: until
-the input turns or one more element saturates, a sample costs one multiplication or division,
-whatever the number of elements. The line is nothing but a shorthand. What a step returns, to the
-last bit, is a function of plays and input alone, and the plays can be had at any time.
+    dq_i/dt = T dx/dt   while u_i sgn(du/dt) < u_S,i,   else 0        (1)
+    u_i = q_i / (T kappa_i)                                           (2)
+    u = u_1 + ... + u_{n+1}                                           (3)
+    x = q_{n+1} / T                                                   (4)
+
+From sample to sample each limited element is a stop operator, which gives the inverse model
+(displacement to voltage) explicitly::
+
+    u_i <- clip(u_i + dx / kappa_i, -u_S,i, u_S,i)
+    u = x / kappa_{n+1} + u_1 + ... + u_n
+
+This module keeps the *play* value r_i of each limited element in place of u_i. It is the
+displacement at which the element carries no voltage, and it needs no increments::
+
+    u_i = (x - r_i) / kappa_i   with   -w_i <= x - r_i <= w_i,   w_i = kappa_i u_S,i
+
+A saturated element drags its play along (r_i = x - w_i upwards, x + w_i downwards), every other
+element leaves its play alone. Nothing is accumulated, so that rounding errors do not build up,
+however long the input.
+
+As long as the same elements are dragged, the voltage is a straight line of the displacement::
+
+    u = K x - H,   K = 1 / kappa_{n+1} + sum of 1 / kappa_i over the elements not saturated
+
+The steps keep this line and the range in which it holds behind the plays. Until the input turns or
+one more element saturates, a sample costs one multiplication or division, whatever the number of
+elements. The line is a shortcut only: to the last bit, the result of a step is a function of plays
+and input alone.
 """
 
 import math
@@ -55,7 +74,7 @@ __all__ = [
 
 @dataclass(frozen=True, kw_only=True)
 class HysteresisParameters(ParameterSet):
-    """The elements of the MRC model, Table 1 in Liu 2015."""
+    """The elements of the MRC model, Table 1 in Liu 2015 by default."""
 
     kappa_um_per_v: tuple[float, ...] = parameter(
         paper.KAPPA_UM_PER_V, 'um/V',
@@ -66,7 +85,7 @@ class HysteresisParameters(ParameterSet):
         minimum=0.0, maximum=1e3)
 
     def check_together(self) -> None:
-        """Refuse lists whose lengths do not belong together."""
+        """Refuse lists of lengths that do not belong together."""
         super().check_together()
         limited, all_elements = len(self.saturation_v), len(self.kappa_um_per_v)
         if all_elements != limited + 1:
@@ -334,6 +353,28 @@ class MaxwellResistiveCapacitor:
     ------
     ParameterError
         If the lengths do not belong together or a value is out of range.
+
+    Examples
+    --------
+    The forward model undoes the inverse:
+
+    >>> operator = MaxwellResistiveCapacitor()  # Table 1 in Liu 2015
+    >>> voltage_v, _ = operator.inverse([0.5, 1.0, 0.5])
+    >>> displacement_um, _ = operator.forward(voltage_v)
+    >>> [round(x, 9) for x in displacement_um.tolist()]
+    [0.5, 1.0, 0.5]
+
+    The voltage of a displacement depends on the past, here on the turn at 1.0 um:
+
+    >>> [round(u, 3) for u in voltage_v.tolist()]
+    [0.603, 1.111, 0.467]
+
+    The state carries that past from one call to the next:
+
+    >>> first_v, state = operator.inverse([0.5, 1.0])
+    >>> last_v, _ = operator.inverse([0.5], state)
+    >>> bool(last_v[0] == voltage_v[2])
+    True
 
     """
 
