@@ -15,36 +15,23 @@
 """
 The Maxwell resistive capacitor (MRC) hysteresis operator and its exact inverse.
 
-n voltage-limited capacitors and a plain one (i = n + 1) in series, (1) to (4) in Liu 2015::
+n voltage-limited capacitors and a plain one (i = n + 1) in series, in Liu 2015::
 
-    dq_i/dt = T dx/dt   while u_i sgn(du/dt) < u_S,i,   else 0        (1)
-    u_i = q_i / (T kappa_i)                                           (2)
-    u = u_1 + ... + u_{n+1}                                           (3)
-    x = q_{n+1} / T                                                   (4)
+    dq_i/dt = T dx/dt  while u_i sgn(du/dt) < u_S,i, else 0;   u_i = q_i / (T kappa_i)   (1, 2)
+    u = u_1 + ... + u_{n+1};   x = q_{n+1} / T                                           (3, 4)
 
-From sample to sample each limited element is a stop operator, which gives the inverse model
-(displacement to voltage) explicitly::
+From sample to sample a limited element is a stop operator, u_i <- clip(u_i + dx / kappa_i, -u_S,i,
+u_S,i). Here it is kept by its *play* r_i, the displacement at which it carries no voltage::
 
-    u_i <- clip(u_i + dx / kappa_i, -u_S,i, u_S,i)
-    u = x / kappa_{n+1} + u_1 + ... + u_n
+    u = x / kappa_{n+1} + sum of (x - r_i) / kappa_i,   -w_i <= x - r_i <= w_i = kappa_i u_S,i
 
-This module keeps the *play* value r_i of each limited element in place of u_i. It is the
-displacement at which the element carries no voltage, and it needs no increments::
+A saturated element drags its play along (r_i = x -/+ w_i), every other one leaves it alone. Nothing
+is accumulated, so that rounding errors do not build up, however long the input.
 
-    u_i = (x - r_i) / kappa_i   with   -w_i <= x - r_i <= w_i,   w_i = kappa_i u_S,i
-
-A saturated element drags its play along (r_i = x - w_i upwards, x + w_i downwards), every other
-element leaves its play alone. Nothing is accumulated, so that rounding errors do not build up,
-however long the input.
-
-As long as the same elements are dragged, the voltage is a straight line of the displacement::
-
-    u = K x - H,   K = 1 / kappa_{n+1} + sum of 1 / kappa_i over the elements not saturated
-
-The steps keep this line and the range in which it holds behind the plays. Until the input turns or
-one more element saturates, a sample costs one multiplication or division, whatever the number of
-elements. The line is a shortcut only: to the last bit, the result of a step is a function of plays
-and input alone.
+As long as the same elements are dragged, the voltage is a straight line, u = K x - H. The steps
+keep this line and the range in which it holds behind the plays: until the input turns or one more
+element saturates, a sample costs one multiplication or division. The line is a shortcut only: to
+the last bit, the result of a step is a function of plays and input alone.
 """
 
 import math
@@ -215,25 +202,9 @@ def _solve(
     """
     Move the state to a voltage by Newton's method.
 
-    Parameters
-    ----------
-    state : vector
-        The state; the displacement that is found is the newest there.
-    constants : HysteresisConstants
-        The constants.
-    voltage_v : float
-        The voltage.
-    displacement_um : float
-        Where to begin, not beyond the solution.
-    saturated : int
-        How many elements are known to be saturated on the piece where that lies.
-
-    Returns
-    -------
-    bool
-        Whether the solution is so far from where any element saturates that it does not depend on
-        where the search began, to the last bit.
-
+    It begins at a displacement not beyond the solution, on a piece with so many saturated elements
+    (-1: not known). The result is whether the solution is so far from where any element saturates
+    that, to the last bit, it does not depend on where the search began.
     """
     line = len(constants.width_um)
     for _ in range(line + 1):
@@ -356,25 +327,13 @@ class MaxwellResistiveCapacitor:
 
     Examples
     --------
-    The forward model undoes the inverse:
-
     >>> operator = MaxwellResistiveCapacitor()  # Table 1 in Liu 2015
     >>> voltage_v, _ = operator.inverse([0.5, 1.0, 0.5])
+    >>> [round(u, 3) for u in voltage_v.tolist()]  # depends on the turn at 1.0 um
+    [0.603, 1.111, 0.467]
     >>> displacement_um, _ = operator.forward(voltage_v)
     >>> [round(x, 9) for x in displacement_um.tolist()]
     [0.5, 1.0, 0.5]
-
-    The voltage of a displacement depends on the past, here on the turn at 1.0 um:
-
-    >>> [round(u, 3) for u in voltage_v.tolist()]
-    [0.603, 1.111, 0.467]
-
-    The state carries that past from one call to the next:
-
-    >>> first_v, state = operator.inverse([0.5, 1.0])
-    >>> last_v, _ = operator.inverse([0.5], state)
-    >>> bool(last_v[0] == voltage_v[2])
-    True
 
     """
 
