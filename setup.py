@@ -144,6 +144,8 @@ setup(
             'pyarrow>=14',
             # pytest 9 breaks launch_testing's plug-in where a sourced ROS brings it in.
             'pytest>=7.4,<9',
+            # By this spelling: where colcon test reads pytest-cov it measures on its own account.
+            'pytest_cov>=7',
             'pytest-timeout>=2.2',
             'pytest-xdist>=3.5',
             'rosbags>=0.10',
