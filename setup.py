@@ -108,7 +108,7 @@ setup(
     package_data={
         PACKAGE: ['py.typed'],
         f'{PACKAGE}.nodes': ['*.xml'],
-        f'{PACKAGE}.report': ['*.css', '*.svg'],
+        f'{PACKAGE}.report.page': ['templates/*'],
     },
     data_files=data_files,
     zip_safe=False,
@@ -116,6 +116,7 @@ setup(
     # stand here, `make test-matrix` installs and tests them (.ci/requirements).
     install_requires=[
         'control>=0.9.4',
+        'jinja2>=3.0.3',
         'lz4>=4.0.0',
         'matplotlib>=3.5.1',
         'mcap>=1.5.0',  # Writer.flush
@@ -143,6 +144,8 @@ setup(
             'pyarrow>=14',
             # pytest 9 breaks launch_testing's plug-in where a sourced ROS brings it in.
             'pytest>=7.4,<9',
+            # By this spelling: where colcon test reads pytest-cov it measures on its own account.
+            'pytest_cov>=7',
             'pytest-timeout>=2.2',
             'pytest-xdist>=3.5',
             'rosbags>=0.10',

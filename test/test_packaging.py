@@ -34,8 +34,11 @@ EXECUTABLES = [
 # Name in an import statement -> (name on PyPI, rosdep key).
 THIRD_PARTY = {
     'control': ('control', 'python-control-pip'),
+    'jinja2': ('jinja2', 'python3-jinja2'),
     # mcap-ros2-support brings mcap, and that lz4 and zstandard.
     'lz4': ('lz4', 'mcap-ros2-support'),
+    # jinja2 brings markupsafe.
+    'markupsafe': ('jinja2', 'python3-jinja2'),
     'matplotlib': ('matplotlib', 'python3-matplotlib'),
     'mcap': ('mcap', 'mcap-ros2-support'),
     'mpl_toolkits': ('matplotlib', 'python3-matplotlib'),

@@ -163,8 +163,8 @@ def _report_changes(found: 'list[Change]') -> bool:
 
 
 def _draw(record: dict[str, Any], output: Path) -> int:
-    from piezo_ros.report.bench_figure import bench_figure
-    from piezo_ros.report.rendering import png, svg
+    from piezo_ros.report.figures.benchmark import bench_figure
+    from piezo_ros.report.figures.export import png, svg
     figure = bench_figure(record)
     if output.suffix == '.png':
         output.write_bytes(png(figure))

@@ -235,8 +235,8 @@ def _with_picture(
 ) -> _Files:
     """Add a picture beside the model; without matplotlib the model is all the same."""
     try:
-        from piezo_ros.report import identification_figures
-        from piezo_ros.report.rendering import svg
+        from piezo_ros.report.figures import identification as identification_figures
+        from piezo_ros.report.figures.export import svg
     except ImportError:
         return files
     files[options.output.with_suffix(_PLOT_SUFFIX)] = svg(

@@ -26,7 +26,7 @@ from piezo_ros.experiment.campaign import prepare_directory
 from piezo_ros.experiment.errors import PlanError
 from piezo_ros.experiment.provenance import software_versions
 from piezo_ros.report import ScoredRun, score
-from piezo_ros.report.tables import text_table
+from piezo_ros.report.run_tables import text_table
 
 __all__ = ['add_command']
 
@@ -66,7 +66,7 @@ def add_command(commands: Any) -> None:
 
 
 def _report(options: argparse.Namespace) -> int:
-    from piezo_ros.report.html import write_report
+    from piezo_ros.report.page.run_report import write_report
     told = {
         name: str(value) for name in _DESCRIPTION
         if (value := getattr(options, name)) is not None}

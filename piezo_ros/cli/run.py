@@ -25,7 +25,7 @@ from piezo_ros.cli.progress import Progress
 from piezo_ros.experiment.campaign import RunResult, prepare_directory, run_campaign
 from piezo_ros.experiment.errors import CampaignError, PlanError
 from piezo_ros.experiment.plan import Plan, PlannedRun, read_plan
-from piezo_ros.report.tables import text_table
+from piezo_ros.report.run_tables import text_table
 
 __all__ = ['add_commands']
 

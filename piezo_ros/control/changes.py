@@ -16,8 +16,8 @@
 Changes of gains and scheme during a run, listed by the sample from which they hold.
 
 What is listed is part of the run: live and offline it gives the same bits. A change is bumpless:
-with feedback the integral is preset so that the command goes on from the one before; a scheme
-without feedback has nothing to hold a difference with, and its command is its own at once.
+with feedback the integral is preset so that the command goes on from its last value. A scheme
+without feedback has no integral, and its command takes its own value at once.
 """
 
 import dataclasses
@@ -100,6 +100,11 @@ def parse_changes(text: str) -> tuple[Change, ...]:
     ParameterError
         If it is no such list, or a value is out of range.
 
+    Examples
+    --------
+    >>> parse_changes('[{"at_sample": 5000, "scheme": "ff"}]')
+    (Change(at_sample=5000, values={'scheme': 'ff'}),)
+
     """
     if not text.strip():
         return ()
@@ -180,6 +185,14 @@ def segments(
     ------
     ParameterError
         If the values of a change do not go together.
+
+    Examples
+    --------
+    >>> changes = parse_changes('[{"at_sample": 5000, "scheme": "ff"}]')
+    >>> for piece in segments(ControllerParameters(scheme='fb'), changes, 8000):
+    ...     print(piece.start, piece.stop, piece.law.scheme)
+    0 5000 fb
+    5000 8000 ff
 
     """
     starts = [0]

@@ -15,10 +15,23 @@
 """
 The controller: PI with anti-windup, and the schemes fb, ff, fbff and open_loop.
 
+::
+
     fb: v = K e      ff: v = u_ff      fbff: v = K e + u_ff      open_loop: v = y_d
 
-K(s) = kP + kI/s, (8) in Liu 2015, with the backward rectangle rule for the integral; e is formed
-with a measurement that is ``measurement_delay_samples`` old. The scheme auto stands for fbff or ff.
+The scheme auto stands for fbff or ff. K(s) = kP + kI/s, (8) in Liu 2015, sampled with the backward
+rectangle rule for the integral I, d being ``measurement_delay_samples``::
+
+    e[k] = y_d[k] - y[k-d]
+    I[k] = I[k-1] + kI Ts e[k]
+    v[k] = clip(u_ff[k] + kP e[k] + I[k], v_min, v_max)
+
+While v is at a limit, the integral is kept from winding up::
+
+    clamping          I[k] = I[k-1] where e drives v further beyond the limit
+    back_calculation  I[k] = that value at which v just reaches the limit
+
+A bumpless transfer presets it: I[k] = v[k-1] - u_ff[k] - kP e[k], so that v[k] = v[k-1].
 """
 
 import itertools
@@ -202,12 +215,12 @@ def initial_state(
 
 
 def prepare_transfer(state: ControllerState) -> None:
-    """Make the next sample continue the last command, whatever gains and scheme it will have."""
+    """Make the transfer at the next sample bumpless, whatever gains and scheme it will have."""
     state.memory[_TRANSFER] = 1.0
 
 
 def recall_measurement(state: ControllerState, index: int, displacement_um: float) -> None:
-    """Tell the controller what was measured while its scheme had no use for it."""
+    """Keep a measurement of a sample at which the scheme did not use it."""
     measured = state.measured_um
     if index == 0:
         for i in range(len(measured)):
@@ -220,7 +233,31 @@ def controller_step(
     state: ControllerState, constants: ControllerConstants, index: int, reference_um: float,
     feedforward_um: float, displacement_um: float,
 ) -> float:
-    """Return the command of one sample, micrometres; ``index`` counts from the start of the run."""
+    """
+    Return the command of one sample, micrometres.
+
+    Parameters
+    ----------
+    state : ControllerState
+        What the controller remembers; it moves on by a sample.
+    constants : ControllerConstants
+        Gains and scheme.
+    index : int
+        Index of the sample, from the start of the run.
+    reference_um, feedforward_um, displacement_um : float
+        y_d[k], u_ff[k] and y[k], micrometres.
+
+    Examples
+    --------
+    An error of 1 um: the proportional part, and an integral that grows by kI Ts each sample.
+
+    >>> law = ControllerParameters(
+    ...     scheme='fb', proportional_gain=0.5, integral_gain_per_s=1000.0, bumpless_start=False)
+    >>> constants, state = controller_constants(law, 1e-3), initial_state(law)
+    >>> [controller_step(state, constants, k, 1.0, 0.0, 0.0) for k in range(3)]
+    [1.5, 2.5, 3.5]
+
+    """
     measured = state.measured_um
     if index == 0:
         # Before the first sample the stage was where it is now.

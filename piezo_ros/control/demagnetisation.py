@@ -12,7 +12,11 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The voltage that takes a stage back to where it has no history: a triangle that dies away."""
+"""
+The voltage that brings the hysteresis back to its virgin state: a triangle that dies away.
+
+Period j = 0 ... n - 1 of n has the peak u_j = u_0 (1 - j / n), and all have the same frequency.
+"""
 
 from piezo_ros.control.waveform import WaveformParameters, reference_step, waveform_constants
 
@@ -23,10 +27,10 @@ def demagnetising_voltage(
     amplitude_v: float, levels: int, slew_v_per_s: float, sample_period_s: float,
 ) -> list[float]:
     """
-    Return a triangle whose periods get smaller, from the full amplitude to nothing.
+    Return a triangle of decreasing periods, from the full amplitude to nothing.
 
     Every element of the hysteresis that the first period saturates is left near its middle, where
-    the inverse model assumes it: the nearer, the more levels there are.
+    the inverse model assumes it: the more levels, the nearer.
 
     Parameters
     ----------
@@ -43,6 +47,12 @@ def demagnetising_voltage(
     -------
     list of float
         Voltage, volts, deviation from the operating point; the last one is 0.
+
+    Examples
+    --------
+    >>> voltage_v = demagnetising_voltage(2.0, 2, 1.0, 1.0)
+    >>> len(voltage_v), max(voltage_v), voltage_v[-1]
+    (17, 2.0, 0.0)
 
     """
     # At least 8 samples a period, whatever the slope.

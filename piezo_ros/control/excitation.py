@@ -13,10 +13,20 @@
 # limitations under the License.
 
 """
-Excitation of a stage for its frequency response: stepped sines and multisines, and playing them.
+Excitation of a stage for its frequency response: stepped sines and multisines.
 
 An excitation is the command of every sample together with its windows: the stretches in which the
 response has settled, each with its fundamental frequency and the excited multiples of it.
+
+A stepped sine has P whole periods in M samples at each frequency, without a common factor::
+
+    u[k] = offset + amplitude sin(2 pi P k / M),   f = P / (M Ts),   gcd(P, M) = 1
+
+A multisine of the lines l with weights W_l has the phases of Schroeder to start from, improved by
+clipping and restoring the amplitudes in turn::
+
+    u[k] = offset + amplitude / peak  sum over l of W_l cos(2 pi l k / M + phi_l)
+    phi_l = phi_{l'} - 2 pi (l - l') (share of the power up to l),   l' the line before l
 """
 
 import math
@@ -94,7 +104,7 @@ def stepped_sine(
     ramp_s: float = 0.1,
 ) -> Excitation:
     """
-    Return a sine whose frequency is stepped, after a slow ramp to its offset.
+    Return a sine of stepped frequency, after a slow ramp to its offset.
 
     Each frequency is moved a little, so that a whole number of periods fills a whole number of
     samples and the two have no common factor: every sample then falls on another phase, and the
@@ -128,6 +138,16 @@ def stepped_sine(
     ------
     ValueError
         If a frequency is not between 0 and the Nyquist frequency, or the amplitude not positive.
+
+    Examples
+    --------
+    10 and 20 periods in 1001 samples, 10 and 20 in 1000 having common factors:
+
+    >>> excitation = stepped_sine([100.0, 200.0], 0.5, 1e-4)
+    >>> [window.stop - window.start for window in excitation.windows]
+    [1001, 1001]
+    >>> [round(frequency, 1) for frequency in excitation.frequency_hz.tolist()]
+    [99.9, 199.8]
 
     """
     frequencies = np.atleast_1d(np.asarray(frequencies_hz, dtype=np.float64))
@@ -189,6 +209,11 @@ def odd_lines(highest_line: int, seed: int = 0, per_decade: float = math.inf) ->
     -------
     tuple of int
         The excited lines, ascending.
+
+    Examples
+    --------
+    >>> odd_lines(7)  # the lowest four are never left out
+    (1, 3, 5, 7)
 
     """
     odd = np.arange(1, highest_line + 1, 2)
@@ -276,9 +301,9 @@ def multisine(
 
 def _low_crest(
     period: int, line: NDArray[np.int64], magnitude: NDArray[np.float64],
-    generator: 'np.random.Generator',  # whose import most nodes need not pay for
+    generator: 'np.random.Generator',  # quoted: most nodes need not import it
 ) -> NDArray[np.float64]:
-    """Return one period whose spectrum has the wanted magnitudes and whose peak is low."""
+    """Return one period with the wanted magnitudes of its spectrum and a low peak."""
     power = np.cumsum(magnitude**2) / np.sum(magnitude**2)
     # Schroeder: the phase is the integral of a group delay that spreads the power evenly.
     phase: NDArray[np.floating] = -2.0 * np.pi * np.cumsum(np.diff(line, prepend=0) * power)

@@ -13,11 +13,15 @@
 # limitations under the License.
 
 """
-Where feedback lessens what feedforward leaves: the feedback-acceptable condition as a table.
+The feedback acceptable condition as a table: where feedback lessens the error of feedforward.
 
-(18) in Liu 2015 puts it at |S| = 1, one frequency. What the amplifier allows and what the models do
-not know make it a frequency for each amplitude, as in Table 3. ``piezo tune`` predicts the table,
-the controller looks it up.
+(15), (16) and (18) in Liu 2015::
+
+    E_fbff = E_ff S,   S = 1 / (1 + K G),   feedback helps where abs(S(i w)) < 1
+
+This gives one frequency. The limits of the amplifier and the errors of the models make it a
+frequency for each amplitude, as in Table 3. ``piezo tune`` predicts the table, the controller looks
+it up.
 """
 
 from collections.abc import Sequence
@@ -44,6 +48,13 @@ def feedback_acceptable_below_hz(
     -------
     float
         On a straight line between the two nearest amplitudes; that of the nearest one beyond all.
+
+    Examples
+    --------
+    >>> feedback_acceptable_below_hz((1.0, 2.0), (600.0, 400.0), 1.5)
+    500.0
+    >>> feedback_acceptable_below_hz((1.0, 2.0), (600.0, 400.0), 5.0)
+    400.0
 
     """
     above = 0

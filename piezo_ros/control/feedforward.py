@@ -13,10 +13,19 @@
 # limitations under the License.
 
 """
-The truncated Fourier feedforward, (12) and (13) in Liu 2015.
+The truncated Fourier feedforward, (11) to (13) in Liu 2015.
 
-Each harmonic of the desired trajectory is divided by the response of the model at its frequency;
-the plain inverse of G(s) would be unstable, its zeros being in the right half plane.
+Each harmonic of the desired trajectory is divided by the response of the model at its frequency,
+w_k = 2 pi k f. For a triangle of amplitude A::
+
+    y_d  = sum over k of A_k sin(w_k t),   A_k = A 8 / (k pi)^2 sin(k pi / 2)       (11)
+    u_ff = sum over k <= m of A_k / abs(G(i w_k)) sin(w_k t - arg G(i w_k))         (12, 13)
+
+Here the sum is evaluated as a polynomial in z = exp(2 pi i f t)::
+
+    u_ff = Im(sum over odd k <= m of U_k z^k),   U_k = A_k / G(i w_k)
+
+The plain inverse of G(s) would be unstable, its zeros being in the right half plane.
 """
 
 import math
@@ -74,6 +83,11 @@ def fourier_amplitudes(
     ------
     ParameterError
         If the waveform has no Fourier series here.
+
+    Examples
+    --------
+    >>> [round(a, 4) for a in fourier_amplitudes('triangle', 1.0, 5).tolist()]
+    [0.8106, 0.0, -0.0901, 0.0, 0.0324]
 
     """
     k = np.arange(1, harmonics + 1)

@@ -12,7 +12,17 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The trajectory generator: reference and feedforward of every sample of a run."""
+"""
+The trajectory generator: reference and feedforward of every sample of a run.
+
+With the waveform w, the soft start r and the feedforward F of (13) in Liu 2015, all functions of
+the index k alone::
+
+    y_d[k] = r[k] w[k],   u_ff[k] = r[k] F[k]
+
+Where P periods are exactly M samples, w and F repeat every M samples; in a long run they are
+computed once.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass

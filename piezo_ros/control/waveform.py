@@ -15,6 +15,15 @@
 """
 Desired trajectories as scalar functions of the sample's index.
 
+With n = f Ts k, the periods since the start, and the phase p = n - floor(n)::
+
+    triangle             4 p  (p < 1/4),   2 - 4 p  (p < 3/4),   4 p - 4
+    sine                 sin(2 pi p)
+    decreasing_triangle  triangle times max(0, 1 - floor(n) / periods)
+
+each times the amplitude and, in the first ``ramp_periods`` r, times the soft start
+(1 - cos(pi n / r)) / 2. Stepped sine and multisine are tables, see `piezo_ros.control.excitation`.
+
 Nothing is accumulated from sample to sample: any sample can be computed alone, in any order, with
 the same bits.
 """
@@ -207,7 +216,16 @@ def ramp_step(constants: WaveformConstants, turns: float) -> float:
 
 @step
 def reference_step(constants: WaveformConstants, turns: float) -> float:
-    """Return the desired displacement, micrometres (or the voltage, volts)."""
+    """
+    Return the desired displacement, micrometres (or the voltage, volts).
+
+    Examples
+    --------
+    >>> constants = waveform_constants(WaveformParameters(waveform='triangle', amplitude_um=2.0))
+    >>> [reference_step(constants, turns) for turns in (0.0, 0.125, 0.25, 0.5, 0.75, 1.0)]
+    [0.0, 1.0, 2.0, 0.0, -2.0, 0.0]
+
+    """
     return ramp_step(constants, turns) * abrupt_step(constants, turns)
 
 

@@ -131,7 +131,7 @@ def run_campaign(
         If a run does not come to its end. The runs before it are reported all the same.
 
     """
-    from piezo_ros.report.html import write_report
+    from piezo_ros.report.page.run_report import write_report
 
     shutil.copyfile(plan.path, directory / PLAN_COPY)
     scored: list[ScoredRun] = []

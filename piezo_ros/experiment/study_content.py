@@ -19,7 +19,7 @@ from collections.abc import Sequence
 from typing import Final, TypeAlias
 
 from piezo_ros.experiment.paper_study import StaticLoop
-from piezo_ros.report.content import Cell, Heading
+from piezo_ros.report.page.content import Cell, Heading
 
 __all__ = ['PERCENT', 'Rows', 'known', 'nonlinearity_text']
 

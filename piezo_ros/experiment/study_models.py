@@ -26,14 +26,10 @@ from piezo_ros.experiment.study_content import PERCENT, Rows, known
 from piezo_ros.experiment.study_record import left_out, published_uncertainty
 from piezo_ros.identification import ExcludedPoint, FrequencyResponse
 from piezo_ros.model import LinearDynamics
-from piezo_ros.report.content import Column, Paragraph, Picture, Section, Table
-from piezo_ros.report.paper_figures import Loop, loops_figure
-from piezo_ros.report.response_figures import (
-    BoundCurve,
-    ResponseCurve,
-    response_figure,
-    uncertainty_figure,
-)
+from piezo_ros.report.figures.frequency_response import ResponseCurve, response_figure
+from piezo_ros.report.figures.hysteresis import Loop, loops_figure
+from piezo_ros.report.figures.uncertainty import BoundCurve, uncertainty_figure
+from piezo_ros.report.page.content import Column, Paragraph, Picture, Section, Table
 
 __all__ = [
     'dynamics_section',

@@ -39,8 +39,8 @@ from piezo_ros.experiment.study_tracking import (
     table_4_section,
 )
 from piezo_ros.experiment.tracking_table import agreement, published_errors
-from piezo_ros.report.content import Content, Facts, Paragraph, Section
-from piezo_ros.report.html import write_page
+from piezo_ros.report.page.content import Content, Facts, Paragraph, Section
+from piezo_ros.report.page.writer import write_page
 
 __all__ = ['study_summary', 'write_study_page']
 

@@ -22,17 +22,12 @@ from piezo_ros.experiment.paper_study import HarmonicsTrial, PaperResults
 from piezo_ros.experiment.study_content import Rows, known
 from piezo_ros.experiment.study_record import held_out, recommendations, within_published_band
 from piezo_ros.experiment.tracking_table import agreement, published_errors
-from piezo_ros.report.content import Cell, Column, Paragraph, Picture, Section, Table
-from piezo_ros.report.figures import error_figure, tracking_figure
+from piezo_ros.report.figures.crossing import CrossingRow, crossing_figure
+from piezo_ros.report.figures.harmonics import HarmonicsCurve, harmonics_figure
+from piezo_ros.report.figures.nrmse import TableCell, table_4_figure
+from piezo_ros.report.figures.tracking import error_figure, tracking_figure
+from piezo_ros.report.page.content import Cell, Column, Paragraph, Picture, Section, Table
 from piezo_ros.report.score import score
-from piezo_ros.report.tracking_figures import (
-    CrossingRow,
-    HarmonicsCurve,
-    TableCell,
-    crossing_figure,
-    harmonics_figure,
-    table_4_figure,
-)
 
 __all__ = [
     'harmonics_section',

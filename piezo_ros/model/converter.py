@@ -12,7 +12,13 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Data converters: a range and a step, as of a D/A or A/D card."""
+"""
+Data converters: a range and a step, as of a D/A or A/D card.
+
+With the operating point o, the rails lo and hi, and the step q = span / 2^bits::
+
+    out = min(max(q floor((in + o) / q + 1/2), lo), hi) - o
+"""
 
 import math
 from typing import NamedTuple
@@ -55,7 +61,18 @@ def converter_constants(
 
 @step
 def convert_step(constants: ConverterConstants, deviation: float) -> float:
-    """Return the deviation that comes out of the converter: to the nearest step, then clipped."""
+    """
+    Return the deviation that comes out of the converter: to the nearest step, then clipped.
+
+    Examples
+    --------
+    >>> constants = converter_constants(-2.0, 10.0, 20.0, 16, 5.0)
+    >>> round(convert_step(constants, 1.0), 4)  # 20 V over 2^16 steps: 0.3 mV
+    1.0001
+    >>> convert_step(constants, 6.0)  # 11 V are beyond the rail at 10 V
+    5.0
+
+    """
     value = deviation + constants.operating_point
     if constants.resolution > 0.0:
         value = math.floor(value / constants.resolution + 0.5) * constants.resolution

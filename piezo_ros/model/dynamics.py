@@ -15,10 +15,19 @@
 """
 The fifth-order linear dynamics of the hysteresis-compensated actuator, (6) in Liu 2015.
 
-    G(s) = k (s^2 + b1 s + b2) / ((s + 1/tau)(s^2 + 2 z1 w1 s + w1^2)(s^2 + 2 z2 w2 s + w2^2))
+From linearised command (um) to displacement (um)::
 
-It is the series of an amplifier (the pair w1), the mechanics (the pair w2 with the zeros) and the
-sensor (the pole 1/tau), each of unit dc gain but for the mechanics, which carry the gain of all.
+    G(s) = k (s^2 + b1 s + b2) / [(s + 1/tau) (s^2 + 2 z1 w1 s + w1^2) (s^2 + 2 z2 w2 s + w2^2)]
+
+It is the series of amplifier, mechanics and sensor::
+
+    Ga(s) = w1^2 / (s^2 + 2 z1 w1 s + w1^2)
+    Gp(s) = G(0) (w2^2 / b2) (s^2 + b1 s + b2) / (s^2 + 2 z2 w2 s + w2^2)
+    Gs(s) = 1 / (tau s + 1)
+    G(0)  = k b2 tau / (w1 w2)^2
+
+With Table 2 the zeros lie in the right half plane: 1/G(s) is unstable, 1/G at single frequencies
+is not.
 """
 
 from dataclasses import dataclass
@@ -89,6 +98,20 @@ class LinearDynamics:
     ----------
     parameters : DynamicsParameters, optional
         Table 2 in Liu 2015 by default.
+
+    Examples
+    --------
+    >>> dynamics = LinearDynamics()
+    >>> round(dynamics.parameters.dc_gain, 3)
+    0.988
+    >>> [round(gain, 3) for gain in abs(dynamics.response([300.0, 800.0])).tolist()]
+    [0.949, 0.784]
+
+    Behind the zero-order hold of a converter at 100 kHz, the response at 800 Hz differs by 2.5 %:
+
+    >>> sampled = dynamics.sampled_response([800.0], 1e-5) / dynamics.response([800.0])
+    >>> round(float(abs(sampled[0] - 1.0)), 3)
+    0.025
 
     """
 

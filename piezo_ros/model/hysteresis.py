@@ -12,20 +12,26 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-r"""
+"""
 The Maxwell resistive capacitor (MRC) hysteresis operator and its exact inverse.
 
-Every voltage-limited element is kept by its *play* value r_i, the displacement around which it is
-at rest: u_i = (x - r_i)/kappa_i with \|x - r_i\| <= w_i = kappa_i u_S,i. A saturated element
-drags its play along (r_i = x -/+ w_i), every other one leaves it alone. This is (1) to (4) in
-Liu 2015 without the increments, so nothing is ever accumulated and no rounding builds up, however
-long the input.
+n voltage-limited capacitors and a plain one (i = n + 1) in series, in Liu 2015::
 
-As long as the same elements are dragged, the voltage is a straight line of the displacement,
-u = K x - H. The steps keep that line, and the reach within which it holds, beside the plays: until
-the input turns or one more element saturates, a sample costs one multiplication or division,
-whatever the number of elements. The line is nothing but a shorthand. What a step returns, to the
-last bit, is a function of plays and input alone, and the plays can be had at any time.
+    dq_i/dt = T dx/dt  while u_i sgn(du/dt) < u_S,i, else 0;   u_i = q_i / (T kappa_i)   (1, 2)
+    u = u_1 + ... + u_{n+1};   x = q_{n+1} / T                                           (3, 4)
+
+From sample to sample a limited element is a stop operator, u_i <- clip(u_i + dx / kappa_i, -u_S,i,
+u_S,i). Here it is kept by its *play* r_i, the displacement at which it carries no voltage::
+
+    u = x / kappa_{n+1} + sum of (x - r_i) / kappa_i,   -w_i <= x - r_i <= w_i = kappa_i u_S,i
+
+A saturated element drags its play along (r_i = x -/+ w_i), every other one leaves it alone. Nothing
+is accumulated, so that rounding errors do not build up, however long the input.
+
+As long as the same elements are dragged, the voltage is a straight line, u = K x - H. The steps
+keep this line and the range in which it holds behind the plays: until the input turns or one more
+element saturates, a sample costs one multiplication or division. The line is a shortcut only: to
+the last bit, the result of a step is a function of plays and input alone.
 """
 
 import math
@@ -55,7 +61,7 @@ __all__ = [
 
 @dataclass(frozen=True, kw_only=True)
 class HysteresisParameters(ParameterSet):
-    """The elements of the MRC model, Table 1 in Liu 2015."""
+    """The elements of the MRC model, Table 1 in Liu 2015 by default."""
 
     kappa_um_per_v: tuple[float, ...] = parameter(
         paper.KAPPA_UM_PER_V, 'um/V',
@@ -66,7 +72,7 @@ class HysteresisParameters(ParameterSet):
         minimum=0.0, maximum=1e3)
 
     def check_together(self) -> None:
-        """Refuse lists whose lengths do not belong together."""
+        """Refuse lists of lengths that do not belong together."""
         super().check_together()
         limited, all_elements = len(self.saturation_v), len(self.kappa_um_per_v)
         if all_elements != limited + 1:
@@ -196,25 +202,9 @@ def _solve(
     """
     Move the state to a voltage by Newton's method.
 
-    Parameters
-    ----------
-    state : vector
-        The state; the displacement that is found is the newest there.
-    constants : HysteresisConstants
-        The constants.
-    voltage_v : float
-        The voltage.
-    displacement_um : float
-        Where to begin, not beyond the solution.
-    saturated : int
-        How many elements are known to be saturated on the piece where that lies.
-
-    Returns
-    -------
-    bool
-        Whether the solution is so far from where any element saturates that it does not depend on
-        where the search began, to the last bit.
-
+    It begins at a displacement not beyond the solution, on a piece with so many saturated elements
+    (-1: not known). The result is whether the solution is so far from where any element saturates
+    that, to the last bit, it does not depend on where the search began.
     """
     line = len(constants.width_um)
     for _ in range(line + 1):
@@ -334,6 +324,16 @@ class MaxwellResistiveCapacitor:
     ------
     ParameterError
         If the lengths do not belong together or a value is out of range.
+
+    Examples
+    --------
+    >>> operator = MaxwellResistiveCapacitor()  # Table 1 in Liu 2015
+    >>> voltage_v, _ = operator.inverse([0.5, 1.0, 0.5])
+    >>> [round(u, 3) for u in voltage_v.tolist()]  # depends on the turn at 1.0 um
+    [0.603, 1.111, 0.467]
+    >>> displacement_um, _ = operator.forward(voltage_v)
+    >>> [round(x, 9) for x in displacement_um.tolist()]
+    [0.5, 1.0, 0.5]
 
     """
 

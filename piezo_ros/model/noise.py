@@ -15,8 +15,11 @@
 """
 Measurement noise as a function of the seed and the sample's index alone.
 
-A counter-based generator (Philox) starts afresh at every 4096th index, so that a sample has the
-same noise whether it is asked for live, one by one, or offline, all at once.
+A counter-based generator (Philox) starts afresh at every 4096th index::
+
+    noise[k] = normal(key = seed, counter = (0, k // 4096, 0, 0))[k mod 4096]
+
+So a sample has the same noise live, one by one, and offline, all at once.
 """
 
 import numpy as np
@@ -61,6 +64,13 @@ def unit_noise(seed: int, start: int, count: int) -> NDArray[np.float64]:
     -------
     ndarray, shape (count,)
         The noise of the samples start … start + count - 1.
+
+    Examples
+    --------
+    >>> whole = unit_noise(seed=7, start=0, count=5000)
+    >>> part = unit_noise(seed=7, start=4090, count=10)
+    >>> bool((part == whole[4090:4100]).all())
+    True
 
     """
     first, last = start // _CHUNK, (start + count - 1) // _CHUNK

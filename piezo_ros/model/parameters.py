@@ -15,9 +15,9 @@
 """
 Parameters declared once: name, default, unit, description and allowed range.
 
-A parameter set is a frozen dataclass whose fields are made with `parameter`. Offline code builds it
-from a mapping, nodes declare the same fields as ROS parameters, and both refuse the same values
-with the same words.
+A parameter set is a frozen dataclass with fields made by `parameter`. Offline code builds it from a
+mapping, nodes declare the same fields as ROS parameters, and both refuse the same values with the
+same words.
 """
 
 import dataclasses
@@ -120,7 +120,21 @@ def constraint_of(field: 'dataclasses.Field[Any]') -> Constraint:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class ParameterSet:
-    """Base of every parameter set: checks each field, refuses what is unknown."""
+    """
+    Base of every parameter set: checks each field, refuses what is unknown.
+
+    Examples
+    --------
+    >>> @dataclasses.dataclass(frozen=True, kw_only=True)
+    ... class Amplifier(ParameterSet):
+    ...     gain: float = parameter(10.0, 'V/V', 'gain', minimum=0.0, maximum=100.0)
+    >>> Amplifier.from_mapping({'gain': 5}).gain
+    5.0
+    >>> Amplifier.from_mapping({'gain': -1.0})
+    Traceback (most recent call last):
+    piezo_ros.model.parameters.ParameterError: gain is -1.0 V/V, allowed is 0 … 100 V/V
+
+    """
 
     def __post_init__(self) -> None:
         for field in dataclasses.fields(self):

@@ -15,10 +15,18 @@
 """
 The simulated rig in physical order, and the paper's lumped order as an option.
 
-Physical: D/A converter and rails, slew limit (the amplifier's current limit), amplifier poles,
-hysteresis, mechanics with the zeros and sensor pole, noise, A/D converter. Lumped: hysteresis, then
-all of G(s) behind a zero-order hold, as (6) in Liu 2015 has it. Behind the hysteresis there may be
-creep, and drift at the end. All values are deviations from the operating point.
+One sample, with the hysteresis H of (1) to (4) and G = Ga Gp Gs of (6) in Liu 2015::
+
+    d[k]   = d[k-1] + clip(DA(u[k]) - d[k-1], -slew Ts, slew Ts)    rails, current limit
+    x      = creep(H(Ga d))                                         order: physical
+    y      = drift(Gs Gp x)
+    y[k+1] = AD(y + noise[k+1])                                     what the sensor reads
+
+    x = creep(H(d)),   y = drift(G x)                               order: lumped
+
+In physical order the amplifier Ga has a zero-order hold and the mechanics Gs Gp a first-order hold,
+because their input is smooth. In lumped order all of G is behind a zero-order hold. All values are
+deviations from the operating point.
 """
 
 from collections.abc import Callable
@@ -68,7 +76,7 @@ __all__ = [
 
 @dataclass(frozen=True, kw_only=True)
 class RigParameters(HysteresisParameters, DynamicsParameters, CreepParameters):
-    """Amplifier, actuator, sensor and converters; the mismatches are what models do not know."""
+    """Amplifier, stage and converters; the mismatches are unknown to the published models."""
 
     order: str = parameter(
         'physical', '', 'physical (amplifier before the hysteresis) or lumped (hysteresis, then G)',
@@ -179,7 +187,7 @@ class RigState(NamedTuple):
 @lru_cache(maxsize=64)
 def rig_constants(parameters: RigParameters, sample_period_s: float) -> RigConstants:
     """
-    Return the constants of the steps as lists, which nobody changes.
+    Return the constants of the steps as lists, not to be changed: they are shared.
 
     Parameters
     ----------

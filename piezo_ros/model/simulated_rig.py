@@ -61,10 +61,12 @@ class Rig:
 
     Examples
     --------
-    >>> rig = Rig(RigParameters(noise_rms_um=0.0))
-    >>> readings_um = rig.run([1.0, 1.0, 1.0])
-    >>> readings_um.shape
-    (3,)
+    A step of 1 V, one sample at a time and all at once, gives the same bits:
+
+    >>> one, other = Rig(), Rig()
+    >>> readings_um = [one.step(1.0) for _ in range(200)]
+    >>> readings_um == other.run([1.0] * 200).tolist()
+    True
 
     """
 

@@ -12,7 +12,27 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Small state-space systems: series connection, exact discretisation, and the step of a sample."""
+"""
+Small state-space systems: series connection, exact discretisation, and the step of a sample.
+
+Continuous and discrete form of a system with one input and one output::
+
+    dx/dt  = A x + B u             y    = C x + D u
+    x[k+1] = Ad x[k] + Bd u[k]     y[k] = C x[k] + Dd u[k]
+
+Zero-order hold, the input constant from sample to sample::
+
+    exp([A B; 0 0] Ts) = [Ad Bd; 0 1],   Dd = D
+
+First-order hold, the input straight from sample to sample::
+
+    exp([A Ts, B Ts, 0; 0 0 1; 0 0 0]) = [Ad G0 G1; 0 1 1; 0 0 1]
+    x[k+1] = Ad x[k] + (G0 - G1) u[k] + G1 u[k+1]
+
+In the state z[k] = x[k] - G1 u[k] the next input is not needed::
+
+    z[k+1] = Ad z[k] + (Ad G1 + G0 - G1) u[k],   y[k] = C z[k] + (C G1 + D) u[k]
+"""
 
 import math
 from typing import Any, NamedTuple
@@ -53,7 +73,16 @@ def gain(value: float) -> StateSpace:
 
 
 def first_order_lag(time_constant_s: float) -> StateSpace:
-    """Return 1/(tau s + 1)."""
+    """
+    Return 1/(tau s + 1).
+
+    Examples
+    --------
+    >>> lag = discretise_zero_order_hold(first_order_lag(2.0), 0.5)
+    >>> round(float(lag.a[0, 0]), 6)  # exp(-0.5 / 2.0)
+    0.778801
+
+    """
     rate = 1.0 / time_constant_s
     return StateSpace(
         np.array([[-rate]]), np.array([[rate]]), np.array([[1.0]]), np.array([[0.0]]))
@@ -81,7 +110,7 @@ def series(*systems: StateSpace) -> StateSpace:
 
 
 def discretise_zero_order_hold(system: StateSpace, sample_period_s: float) -> StateSpace:
-    """Return the exact samples of a system whose input is held constant between them."""
+    """Return the exact samples of a system with an input that is constant between them."""
     _check_sample_period(sample_period_s)
     n = system.a.shape[0]
     augmented = np.zeros((n + 1, n + 1))
@@ -93,10 +122,9 @@ def discretise_zero_order_hold(system: StateSpace, sample_period_s: float) -> St
 
 def discretise_first_order_hold(system: StateSpace, sample_period_s: float) -> StateSpace:
     """
-    Return the exact samples of a system whose input runs straight from sample to sample.
+    Return the exact samples of a system with an input that is straight from sample to sample.
 
-    The state is shifted by the present input, which makes the usual form ``y[k] = C x[k] + D u[k]``
-    out of one that would need the next input too.
+    The state of the result is shifted by the present input, see the module.
     """
     _check_sample_period(sample_period_s)
     n = system.a.shape[0]

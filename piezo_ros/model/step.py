@@ -15,10 +15,10 @@
 """
 Marks the functions that exist once and run twice: as Python in a node, compiled on arrays offline.
 
-A marked function is ordinary Python over numbers, named tuples and anything indexable. A node calls
-it with lists and never imports numba; `piezo_ros.model.compiled` makes the very same source
-callable from compiled kernels. Both give the same bits, because the operations and their order are
-the same and no fast mathematics is allowed.
+A marked function is ordinary Python over numbers, named tuples and anything indexable; its state is
+an argument and is changed in place. A node calls it with lists and need not import numba;
+`piezo_ros.model.compiled` makes the same source callable from compiled kernels. Both give the same
+bits, because the operations and their order are the same and no fast mathematics is allowed.
 """
 
 from collections.abc import Callable, MutableSequence

@@ -12,7 +12,13 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Scores, tables, figures and the HTML report of runs; nothing here draws until it is asked to."""
+"""
+Scores, tables, figures and the HTML page of recorded runs.
+
+The modules of this folder compute numbers and plain-text tables. `piezo_ros.report.figures` draws
+with Matplotlib, `piezo_ros.report.page` writes report.html; importing `piezo_ros.report` imports
+neither of the two.
+"""
 
 from piezo_ros.report.metrics import Nonlinearity, nonlinearity, nrmse
 from piezo_ros.report.score import ScoredRun, score

@@ -12,22 +12,20 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Runs grouped by what they tracked, and how they compare with the published numbers."""
+"""Groups runs by their reference and compares them with the published errors."""
 
 import statistics
 from collections.abc import Iterable, Sequence
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 from piezo_ros.report.score import ScoredRun
 
-__all__ = ['Agreement', 'Case', 'agreement', 'cases', 'scheme_label', 'series_label']
-
-_SCHEME_LABELS: Final = {'fb': 'FB', 'ff': 'FF', 'fbff': 'FBFF', 'open_loop': 'open loop'}
+__all__ = ['Agreement', 'Case', 'agreement', 'cases']
 
 
 class Case(NamedTuple):
     """
-    The runs that tracked one and the same reference.
+    The runs that tracked the same reference.
 
     Attributes
     ----------
@@ -36,7 +34,7 @@ class Case(NamedTuple):
     amplitude_um, frequency_hz : float
         Peak amplitude, micrometres, and fundamental frequency, hertz.
     runs : tuple of ScoredRun
-        In the order they were given.
+        In their given order.
 
     """
 
@@ -47,13 +45,13 @@ class Case(NamedTuple):
 
     @property
     def title(self) -> str:
-        """What was tracked, for a heading."""
+        """Waveform, amplitude and frequency of the reference, for a heading."""
         return f'{self.waveform.capitalize()}, {self.amplitude_um:g} µm, {self.frequency_hz:g} Hz'
 
 
 class Agreement(NamedTuple):
     """
-    How the runs compare with Table 4 in Liu 2015.
+    Agreement of a set of runs with Table 4 in Liu 2015.
 
     Attributes
     ----------
@@ -64,7 +62,7 @@ class Agreement(NamedTuple):
     pairs : int
         Cases with one published FF and one published FBFF run.
     same_winner : int
-        Pairs in which the better of the two is the published one.
+        Pairs in which the better scheme is the same as in the paper.
 
     """
 
@@ -119,38 +117,6 @@ def agreement(runs: Sequence[ScoredRun]) -> Agreement:
         median_deviation_percent=statistics.median(deviations) if deviations else None,
         pairs=len(pairs),
         same_winner=sum(_same_winner(*pair) for pair in pairs))
-
-
-def scheme_label(scheme: str) -> str:
-    """Return the name of a scheme as the paper prints it."""
-    return _SCHEME_LABELS.get(scheme, scheme)
-
-
-def series_label(run: ScoredRun, among: Sequence[ScoredRun]) -> str:
-    """
-    Return the shortest name that tells a run from others in one picture.
-
-    Parameters
-    ----------
-    run : ScoredRun
-        The run.
-    among : sequence of ScoredRun
-        All runs of the picture.
-
-    Returns
-    -------
-    str
-        The scheme; with the harmonics, and then the bag, where that is not enough.
-
-    """
-    rivals = [other for other in among if other is not run and other.scheme == run.scheme]
-    label = scheme_label(run.scheme)
-    if not rivals:
-        return label
-    label = f'{label}, m = {run.harmonics}'
-    if all(other.harmonics != run.harmonics for other in rivals):
-        return label
-    return f'{label}, {run.bag}'
 
 
 def _ff_and_fbff(runs: Sequence[ScoredRun]) -> tuple[ScoredRun, ScoredRun] | None:

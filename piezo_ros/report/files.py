@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Writing files so that a reader sees the old content or the new, never a half."""
+"""Writes files atomically: a reader finds the old content or the new one, never a part."""
 
 import os
 from pathlib import Path
@@ -22,14 +22,14 @@ __all__ = ['write_atomically']
 
 def write_atomically(path: Path, content: bytes | str) -> None:
     """
-    Write a file beside its place and rename it into it.
+    Write a temporary file in the same directory and rename it to its final name.
 
     Parameters
     ----------
     path : Path
         The file; its directory is made when missing.
     content : bytes or str
-        What to write; text becomes UTF-8 with its line ends as they are.
+        What to write; text becomes UTF-8, its line ends unchanged.
 
     Raises
     ------

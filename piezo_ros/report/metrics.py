@@ -12,7 +12,15 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Figures of merit of a run: tracking error and hysteresis nonlinearity, as fractions."""
+"""
+Tracking error and hysteresis nonlinearity of a run, as fractions.
+
+    NRMSE               = RMS(y_d - y) / (max y_d - min y_d)             Section 5 in Liu 2015
+    input nonlinearity  = max |u_rising(y) - u_falling(y)| / (max u - min u)        Fig. 5
+    output nonlinearity = max |y_rising(u) - y_falling(u)| / (max y - min y)        Fig. 5
+
+with desired displacement y_d, measured displacement y and input u of the hysteresis loop.
+"""
 
 import math
 from typing import Final, NamedTuple
@@ -22,11 +30,11 @@ from numpy.typing import ArrayLike, NDArray
 
 __all__ = ['Nonlinearity', 'nonlinearity', 'nrmse', 'tail']
 
-# A branch counts as whole when it spans this share of the peak-to-peak voltage: a record that ends
-# a few samples before the turn still closes its loop, one that ends halfway does not.
+# A branch is complete if it spans this share of the peak-to-peak voltage: a record that ends a few
+# samples before the turning point still closes its loop, one that ends halfway does not.
 _WHOLE_BRANCH_SHARE: Final = 0.95
-# Half the dead band around the middle, in shares of the peak-to-peak voltage, that tells the upper
-# excursions from the lower ones. Anything well above the noise and below 0.5 does.
+# Half the dead band around the middle, as a share of the peak-to-peak voltage, that separates upper
+# excursions from lower ones. Every value well above the noise and below 0.5 works.
 _DEAD_BAND_SHARE: Final = 0.25
 # fs / f is rarely representable: 4 / (500 Hz * 1e-5 s) must give 800 samples, never 799.
 _ROUNDING_SAMPLES: Final = 1e-6
@@ -82,11 +90,11 @@ def nrmse(reference: ArrayLike, measured: ArrayLike) -> float:
 
 def nonlinearity(voltage: ArrayLike, displacement: ArrayLike) -> Nonlinearity:
     """
-    Return the nonlinearity of the last whole loop of a record (Fig. 5 in Liu 2015).
+    Return the nonlinearity of the last complete loop of a record (Fig. 5 in Liu 2015).
 
-    The loop is split at the extremes of the voltage into a rising and a falling branch; between
-    samples each branch is interpolated linearly. Samples of a branch with equal abscissa, as a
-    converter makes them, are averaged.
+    The loop is split at the extremes of the voltage into a rising and a falling branch. Between
+    samples each branch is interpolated linearly; samples with equal abscissa, which a converter
+    produces, are averaged.
 
     Parameters
     ----------
@@ -104,7 +112,7 @@ def nonlinearity(voltage: ArrayLike, displacement: ArrayLike) -> Nonlinearity:
     ------
     ValueError
         If the arrays are empty, not one-dimensional or of different shape, hold a value that is
-        not finite, are constant, or hold no whole loop.
+        not finite, are constant, or hold no complete loop.
 
     """
     u, x = _finite_pair('voltage', voltage, 'displacement', displacement)

@@ -12,21 +12,23 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""One run of a plan, scored over its last periods and laid beside the published number."""
+"""
+Scores a run: its tracking error over the last periods, beside the published number.
+
+    NRMSE = RMS(y_d - y) / (max y_d - min y_d)      Section 5 in Liu 2015
+"""
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from piezo_ros.bag import Recording, Run
 from piezo_ros.paper import HARMONICS, table_4
 from piezo_ros.report.metrics import nrmse, tail
-
-if TYPE_CHECKING:
-    from piezo_ros.bag import Recording, Run
 
 __all__ = ['ScoredRun', 'score']
 
@@ -37,7 +39,7 @@ _PERCENT: Final = 100.0
 @dataclass(frozen=True)
 class ScoredRun:
     """
-    What a report says of one run.
+    The scores of one run and the samples that were scored.
 
     Attributes
     ----------
@@ -57,9 +59,9 @@ class ScoredRun:
     samples : int
         Samples of the whole run.
     wall_seconds : float
-        Wall time the run took, seconds.
+        Wall time of the run, seconds; 0 when it was not measured.
     paper_nrmse_percent : float or None
-        The published number (Table 4 in Liu 2015), None where the paper has none.
+        The published NRMSE (Table 4 in Liu 2015); None where the paper has none.
     time_s, reference_um, displacement_um, voltage_v : ndarray, shape (n,)
         The scored window; the time is that of the run.
 
@@ -94,7 +96,7 @@ class ScoredRun:
 
     @property
     def deviation_percent(self) -> float | None:
-        """How far the NRMSE lies above the published one, percent of it; None without one."""
+        """Deviation of the NRMSE from the published one, percent of it; None without one."""
         if self.paper_nrmse_percent is None:
             return None
         return (self.nrmse_percent / self.paper_nrmse_percent - 1.0) * _PERCENT
@@ -135,7 +137,7 @@ class ScoredRun:
 
 
 def score(
-    run: 'Run | Recording', *, periods: float = 4, bag: str, wall_seconds: float,
+    run: Run | Recording, *, periods: float = 4, bag: str, wall_seconds: float,
 ) -> ScoredRun:
     """
     Score the last periods of a run.
@@ -143,19 +145,19 @@ def score(
     Parameters
     ----------
     run : piezo_ros.bag.Run or piezo_ros.bag.Recording
-        The run, of which the last periods are read; its metadata says scheme, waveform,
+        The run, of which only the last periods are read. Its metadata has scheme, waveform,
         amplitude_um, frequency_hz and harmonics.
     periods : float, optional
         Periods of the fundamental to score: the last floor(periods * fs / f) samples.
     bag : str
         Path of the bag, relative to the report's directory.
     wall_seconds : float
-        Wall time the run took, seconds; 0 when it was not measured.
+        Wall time of the run, seconds; 0 when it was not measured.
 
     Returns
     -------
     ScoredRun
-        The scored window and its figures.
+        The scored window and its scores.
 
     Raises
     ------

@@ -187,7 +187,7 @@ def test_beside_a_bound_lies_a_picture_of_it(stage, identify, tmp_path):
 
 
 def test_without_matplotlib_the_model_is_written_alone(triangle, identify, tmp_path, monkeypatch):
-    monkeypatch.setitem(sys.modules, 'piezo_ros.report.rendering', None)
+    monkeypatch.setitem(sys.modules, 'piezo_ros.report.figures.export', None)
     code, out, _ = identify('hysteresis', triangle, '--elements', 1)
     assert code == 0
     assert (tmp_path / 'model.yaml').is_file()
