@@ -22,15 +22,15 @@ from typing import Any, Final, Generic, TypeVar
 import yaml
 from mcap.records import Attachment, Metadata
 
-from piezo_ros.bag.block import STREAMS, labelled_stream
-from piezo_ros.bag.chunk_scan import HEAD_BYTES, MESSAGE_HEAD_BYTES, unaligned
-from piezo_ros.bag.container import McapFile, Piece
+from piezo_ros.bag.container.chunk_scan import HEAD_BYTES, MESSAGE_HEAD_BYTES, unaligned
+from piezo_ros.bag.container.mcap_file import McapFile, Piece
+from piezo_ros.bag.container.rosbag2_files import mcap_files
 from piezo_ros.bag.errors import BagError
-from piezo_ros.bag.layout import mcap_files
-from piezo_ros.bag.message_type import TYPE_NAME
-from piezo_ros.bag.stream import Sink, StreamAssembler
+from piezo_ros.bag.stream_assembly import Sink, StreamAssembler
 from piezo_ros.bag.topics import Place, Rigs, array_topic, named_topics
 from piezo_ros.bag.writer import FORMAT_VERSION, PARAMETERS_NAME, RECORD_NAME
+from piezo_ros.streams import STREAMS, labelled_stream
+from piezo_ros.streams.message_type import TYPE_NAME
 
 __all__ = ['LOST_KEY', 'Contents', 'Facts', 'Span']
 

@@ -18,7 +18,7 @@ from pathlib import Path
 
 from piezo_ros.bag.contents import Contents
 from piezo_ros.bag.run import Run, run_of
-from piezo_ros.bag.stream import Collected, Stream
+from piezo_ros.bag.stream_assembly import Collected, Stream
 
 __all__ = ['read']
 

@@ -19,13 +19,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from piezo_ros.bag.block import STREAMS
-from piezo_ros.bag.container import McapFile
+from piezo_ros.bag.container.mcap_file import McapFile
 from piezo_ros.bag.contents import Contents, Facts, Span
 from piezo_ros.bag.errors import BagError
 from piezo_ros.bag.run import Run, check_part, missing_stream, run_of
-from piezo_ros.bag.stream import Collected, Extremes, Stream, StreamAssembler
+from piezo_ros.bag.stream_assembly import Collected, Extremes, Stream, StreamAssembler
 from piezo_ros.bag.topics import array_topic
+from piezo_ros.streams import STREAMS
 
 __all__ = ['Recording', 'StreamSummary', 'open_recording']
 

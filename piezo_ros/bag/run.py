@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from piezo_ros.bag.contents import Facts
 from piezo_ros.bag.errors import BagError
-from piezo_ros.bag.stream import Stream
+from piezo_ros.bag.stream_assembly import Stream
 
 __all__ = ['Run', 'check_part', 'missing_stream', 'run_of']
 

@@ -27,8 +27,8 @@ from typing import Final, NamedTuple
 
 from mcap.records import Channel, Metadata, Schema
 
-from piezo_ros.bag.block import STREAMS
-from piezo_ros.bag.message_type import TYPE_NAME
+from piezo_ros.streams import STREAMS
+from piezo_ros.streams.message_type import TYPE_NAME
 
 __all__ = [
     'NAMESPACE_KEY',

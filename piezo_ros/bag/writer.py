@@ -23,11 +23,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from piezo_ros.bag.block import STREAMS, BlockCodec
-from piezo_ros.bag.directory import BagDirectory, Topic
+from piezo_ros.bag.container.rosbag2_writer import BagDirectory, Topic
 from piezo_ros.bag.errors import BagError
-from piezo_ros.bag.message_type import DEFINITION, STREAM_QOS, TYPE_HASH, TYPE_NAME
 from piezo_ros.bag.topics import NAMESPACE_KEY, TOPIC_KEY, check_topics, remapped_entries
+from piezo_ros.streams import STREAMS, BlockCodec
+from piezo_ros.streams.message_type import DEFINITION, STREAM_QOS, TYPE_HASH, TYPE_NAME
 
 __all__ = ['FORMAT_VERSION', 'PARAMETERS_NAME', 'RECORD_NAME', 'BagWriter']
 

@@ -21,8 +21,8 @@ import numpy as np
 import pytest
 
 from piezo_ros.bag import STREAMS, BagError, BagWriter, BlockCodec, open_recording, read
-from piezo_ros.bag.container import McapFile
-from piezo_ros.bag.directory import plain_yaml
+from piezo_ros.bag.container.mcap_file import McapFile
+from piezo_ros.bag.container.rosbag2_writer import plain_yaml
 
 PERIOD_S = 1e-5
 

@@ -18,7 +18,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from piezo_ros.bag.chunk_scan import scan
+from piezo_ros.bag.container.chunk_scan import scan
 
 MESSAGE = 0x05
 

@@ -39,7 +39,7 @@ from mcap.records import Attachment, Channel, Metadata, Schema
 from mcap.writer import MCAP0_MAGIC
 from numpy.typing import NDArray
 
-from piezo_ros.bag.chunk_scan import HEAD_BYTES, Records, scan, unaligned
+from piezo_ros.bag.container.chunk_scan import HEAD_BYTES, Records, scan, unaligned
 from piezo_ros.bag.errors import BagError
 
 __all__ = ['McapFile', 'Piece']

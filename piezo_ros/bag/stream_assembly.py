@@ -20,9 +20,9 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from piezo_ros.bag.block import BlockCodec, MalformedBlockError
-from piezo_ros.bag.chunk_scan import HEAD_BYTES, MESSAGE_HEAD_BYTES, unaligned
-from piezo_ros.bag.container import Piece
+from piezo_ros.bag.container.chunk_scan import HEAD_BYTES, MESSAGE_HEAD_BYTES, unaligned
+from piezo_ros.bag.container.mcap_file import Piece
+from piezo_ros.streams import BlockCodec, MalformedBlockError
 
 __all__ = ['Collected', 'Extremes', 'Sink', 'Stream', 'StreamAssembler']
 

@@ -21,9 +21,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from piezo_ros.bag import BlockCodec
-from piezo_ros.bag.chunk_scan import scan
-from piezo_ros.bag.container import Piece
-from piezo_ros.bag.stream import Collected, Stream, StreamAssembler
+from piezo_ros.bag.container.chunk_scan import scan
+from piezo_ros.bag.container.mcap_file import Piece
+from piezo_ros.bag.stream_assembly import Collected, Stream, StreamAssembler
 
 PERIOD_S = 1e-5
 
