@@ -14,27 +14,26 @@
 
 """What the files of a bag hold: streams by namespace, metadata, parameters, damage."""
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final, Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
-import yaml
 from mcap.records import Attachment, Metadata
 
 from piezo_ros.bag.container.chunk_scan import HEAD_BYTES, MESSAGE_HEAD_BYTES, unaligned
 from piezo_ros.bag.container.mcap_file import McapFile, Piece
 from piezo_ros.bag.container.rosbag2_files import mcap_files
+from piezo_ros.bag.description import LOST_KEY, recorded_metadata, recorded_parameters
 from piezo_ros.bag.errors import BagError
-from piezo_ros.bag.stream_assembly import Sink, StreamAssembler
+from piezo_ros.bag.sinks import Sink
+from piezo_ros.bag.stream_assembly import StreamAssembler
 from piezo_ros.bag.topics import Place, Rigs, array_topic, named_topics
-from piezo_ros.bag.writer import FORMAT_VERSION, PARAMETERS_NAME, RECORD_NAME
 from piezo_ros.streams import STREAMS, labelled_stream
 from piezo_ros.streams.message_type import TYPE_NAME
 
-__all__ = ['LOST_KEY', 'Contents', 'Facts', 'Span']
+__all__ = ['Contents', 'Facts', 'Span']
 
-LOST_KEY: Final = 'lost'  # entry of the metadata record in which a salvaged bag names its losses
 _Sink = TypeVar('_Sink', bound=Sink)
 # Topic -> first index and end of its samples in one piece.
 Span = dict[str, tuple[int, int]]
@@ -90,17 +89,14 @@ class Contents(Generic[_Sink]):
     path : Path
         The bag.
     sink : callable
-        Makes the sink of a stream when its first message comes; is given a function that says
-        what share of the bag has been read.
-    wanted : collection of str, optional
-        The streams to look at; all by default.
+        Makes the sink of a stream when its first message comes.
     keep_not_finite : bool, optional
         Whether samples that are NaN or infinite are in order.
 
     Attributes
     ----------
-    spans : dict of Path to list of Span
-        What is in each piece of each file.
+    spans : dict of Path to dict of int to Span
+        What is in each piece of each file, by its position.
     files : dict of Path to McapFile
         The files that were read.
 
@@ -112,15 +108,12 @@ class Contents(Generic[_Sink]):
     """
 
     def __init__(
-        self, path: Path, sink: Callable[[Callable[[], float]], _Sink], *,
-        wanted: Collection[str] = tuple(STREAMS), keep_not_finite: bool = False,
+        self, path: Path, sink: Callable[[], _Sink], *, keep_not_finite: bool = False,
     ) -> None:
         self._path = path
         self._sink = sink
-        self._wanted = wanted
         self._keep_not_finite = keep_not_finite
         files = mcap_files(path)
-        self._total_bytes = max(1, sum(file.stat().st_size for file in files))
         self._named: dict[str, Place] = {}
         self._read(files)
         named = named_topics(self._metadata)
@@ -140,23 +133,16 @@ class Contents(Generic[_Sink]):
         self._topics: set[str] = set()
         self._kinds: dict[str, str | None] = {}  # topic -> its stream, None if it is none
         self._streams: dict[str, tuple[StreamAssembler, _Sink]] = {}  # by topic
-        self.spans: dict[Path, list[Span]] = {}
+        self.spans: dict[Path, dict[int, Span]] = {}
         self.files: dict[Path, McapFile] = {}
-        self._read_bytes = 0
-        self._piece_bytes = 0
         for file in files:
             self._add(file)
-            self._read_bytes += file.stat().st_size
-            self._piece_bytes = 0
 
     def _add(self, path: Path) -> None:
         file = McapFile(path)
         self.files[path] = file
-        spans = self.spans[path] = []
-        for piece in file.pieces():
-            spans += [{} for _ in range(len(spans), piece.number)]
-            self._piece_bytes = piece.end
-            spans.append(self._take(file, piece))
+        self.spans[path] = {
+            piece.position: self._take(file, piece) for piece in file.pieces()}
         self._topics.update(channel.topic for channel in file.channels.values())
         self._metadata += file.metadata
         self._attachments += file.attachments
@@ -171,10 +157,10 @@ class Contents(Generic[_Sink]):
             if topic not in self._kinds:
                 self._kinds[topic] = self._kind(topic, file, piece, int(messages[0]))
             stream = self._kinds[topic]
-            if stream is None or stream not in self._wanted:
+            if stream is None:
                 continue
             if topic not in self._streams:
-                sink = self._sink(self._share)
+                sink = self._sink()
                 self._streams[topic] = StreamAssembler(
                     stream, sink, keep_not_finite=self._keep_not_finite), sink
             assembler, _ = self._streams[topic]
@@ -195,9 +181,6 @@ class Contents(Generic[_Sink]):
             return last
         length = int(unaligned(piece.data, '<u8')[start + 1])
         return labelled_stream(piece.data[start + MESSAGE_HEAD_BYTES:start + HEAD_BYTES + length])
-
-    def _share(self) -> float:
-        return min(1.0, max(self._read_bytes + self._piece_bytes, 1) / self._total_bytes)
 
     def facts(self, namespace: str | None, *, allow_loss: bool) -> Facts[_Sink]:
         """
@@ -221,7 +204,7 @@ class Contents(Generic[_Sink]):
             raise BagError(
                 f'{path} is damaged: {"; ".join(self._damage)}. `piezo bag salvage {path}` '
                 'recovers what is whole')
-        metadata = _record(path, self._metadata)
+        metadata = recorded_metadata(path, self._metadata)
         chosen = self._namespace(namespace)
         topics = self._stream_topics(chosen)
         found = {stream: self._streams[topic] for stream, topic in topics.items()}
@@ -234,7 +217,7 @@ class Contents(Generic[_Sink]):
         start, stop, period_s = _common(path, assemblers, problems)
         return Facts(
             chosen, period_s, start, stop - start, streams,
-            _parameters(path, self._attachments), metadata,
+            recorded_parameters(path, self._attachments), metadata,
             (*metadata.get(LOST_KEY, '').splitlines(), *self._damage, *problems),
             tuple(sorted(self._topics)), {stream: topics[stream] for stream in streams})
 
@@ -245,7 +228,7 @@ class Contents(Generic[_Sink]):
             topics = ', '.join(sorted(self._topics)) or 'none'
             raise BagError(
                 f'{self._path} has no stream: no messages of type {TYPE_NAME} on a topic that '
-                f'ends in one of {", ".join(self._wanted)} or labelled as one; its topics are '
+                f'ends in one of {", ".join(STREAMS)} or labelled as one; its topics are '
                 f'{topics}')
         if wanted is not None:
             name = '/' + wanted.strip('/')
@@ -273,37 +256,6 @@ class Contents(Generic[_Sink]):
                     f'several topics, only one of them may be in the bag: '
                     f'{", ".join(sorted(topics))}')
         return {stream: rig[stream][0] for stream in STREAMS if stream in rig}
-
-
-def _record(path: Path, records: list[Metadata]) -> dict[str, str]:
-    """Return the metadata record of this package, checked; empty if there is none."""
-    entries: dict[str, str] = {}
-    for record in records:
-        if record.name == RECORD_NAME:
-            version = record.metadata.get('format_version')
-            if version != FORMAT_VERSION:
-                raise BagError(
-                    f'{path} has the format_version {version!r}, this release reads '
-                    f'{FORMAT_VERSION!r}')
-            entries.update(record.metadata)
-    return entries
-
-
-def _parameters(path: Path, attachments: list[Attachment]) -> dict[str, dict[str, Any]]:
-    """Return the attached parameters by node."""
-    parameters: dict[str, dict[str, Any]] = {}
-    for attachment in attachments:
-        if attachment.name != PARAMETERS_NAME:
-            continue
-        try:
-            nodes = yaml.load(attachment.data, getattr(yaml, 'CSafeLoader', yaml.SafeLoader)) or {}
-            for node, content in nodes.items():
-                parameters.setdefault(node, {}).update(content['ros__parameters'] or {})
-        except (yaml.YAMLError, AttributeError, KeyError, TypeError, ValueError) as error:
-            raise BagError(
-                f'{path}: the attachment {PARAMETERS_NAME} is no ROS parameter file '
-                f'({error})') from error
-    return parameters
 
 
 def _common(

@@ -12,13 +12,13 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Reading of all samples of a run from a bag, whoever recorded it."""
+"""Reading of all samples of a run from a bag, whichever program recorded it."""
 
 from pathlib import Path
 
 from piezo_ros.bag.contents import Contents
-from piezo_ros.bag.run import Run, run_of
-from piezo_ros.bag.stream_assembly import Collected, Stream
+from piezo_ros.bag.run import Run, Samples, run_of
+from piezo_ros.bag.sinks import Collected
 
 __all__ = ['read']
 
@@ -44,8 +44,8 @@ def read(
         Whether to keep the whole leading part of a damaged bag; what is lost is then named in
         `Run.lost`. By default a damaged bag is refused.
     keep_not_finite : bool, optional
-        Whether samples that are NaN or infinite belong to the run, for who can leave them out;
-        else they are damage.
+        Whether samples that are NaN or infinite belong to the run, for an analysis that can leave
+        them out; by default they are damage.
 
     Returns
     -------
@@ -61,10 +61,8 @@ def read(
 
     """
     path = Path(path)
-    facts = Contents(
-        path, lambda share: Collected(share=share), keep_not_finite=keep_not_finite).facts(
-        namespace, allow_loss=allow_loss)
+    contents = Contents(path, Collected, keep_not_finite=keep_not_finite)
+    facts = contents.facts(namespace, allow_loss=allow_loss)
     return run_of(path, facts, {
-        stream: Stream(
-            assembler.start_index, assembler.sample_period_s, sink.samples(), assembler.problem)
+        stream: Samples(assembler.start_index, sink.samples())
         for stream, (assembler, sink) in facts.streams.items()})

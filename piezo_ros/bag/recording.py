@@ -22,8 +22,9 @@ from typing import Any, NamedTuple
 from piezo_ros.bag.container.mcap_file import McapFile
 from piezo_ros.bag.contents import Contents, Facts, Span
 from piezo_ros.bag.errors import BagError
-from piezo_ros.bag.run import Run, check_part, missing_stream, run_of
-from piezo_ros.bag.stream_assembly import Collected, Extremes, Stream, StreamAssembler
+from piezo_ros.bag.run import Run, Samples, check_part, missing_stream, run_of
+from piezo_ros.bag.sinks import Collected, Extremes
+from piezo_ros.bag.stream_assembly import StreamAssembler
 from piezo_ros.bag.topics import array_topic
 from piezo_ros.streams import STREAMS
 
@@ -71,7 +72,7 @@ class Recording:
 
     path: Path
     facts: Facts[Extremes]
-    _spans: Mapping[Path, list[Span]]
+    _spans: Mapping[Path, Mapping[int, Span]]
     _files: Mapping[Path, McapFile]
     _keep_not_finite: bool
 
@@ -165,8 +166,7 @@ class Recording:
         period_s = self.sample_period_s * every
         return run_of(
             self.path, self.facts,
-            {stream: Stream(first // every, period_s, values, None)
-             for stream, values in samples.items()},
+            {stream: Samples(first // every, values) for stream, values in samples.items()},
             start_index=first // every, samples=len(kept), sample_period_s=period_s)
 
     def pieces(self, samples: int = 1_000_000) -> Iterator[Run]:
@@ -194,8 +194,10 @@ class Recording:
                 stream, sink, keep_not_finite=self._keep_not_finite)
             for stream, sink in sinks.items()}
         for path, spans in self._spans.items():
-            needed = [self._needed(span, assemblers, kept) for span in spans]
-            if not any(needed):
+            needed = {
+                position: topics for position, span in spans.items()
+                if (topics := self._needed(span, assemblers, kept))}
+            if not needed:
                 continue
             surveyed = self._files[path]
             file = McapFile(path)
@@ -205,7 +207,7 @@ class Recording:
             for piece in file.pieces(needed):
                 for number, messages in piece.by_channel():
                     topic = array_topic(file.schemas, file.channels.get(number))
-                    if topic in needed[piece.number]:
+                    if topic is not None and topic in needed.get(piece.position, ()):
                         assemblers[topic].add(piece, messages)
 
     @staticmethod
@@ -244,7 +246,7 @@ def open_recording(
 
     """
     path = Path(path)
-    contents = Contents(path, lambda share: Extremes(), keep_not_finite=keep_not_finite)
+    contents = Contents(path, Extremes, keep_not_finite=keep_not_finite)
     return Recording(
         path, contents.facts(namespace, allow_loss=allow_loss), contents.spans, contents.files,
         keep_not_finite)

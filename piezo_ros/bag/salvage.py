@@ -27,10 +27,9 @@ from piezo_ros.bag.container.chunk_scan import HEAD_BYTES, MESSAGE_HEAD_BYTES
 from piezo_ros.bag.container.mcap_file import McapFile
 from piezo_ros.bag.container.rosbag2_files import mcap_files
 from piezo_ros.bag.container.rosbag2_writer import BagDirectory, Topic
-from piezo_ros.bag.contents import LOST_KEY
+from piezo_ros.bag.description import FORMAT_VERSION, LOST_KEY, RECORD_NAME
 from piezo_ros.bag.errors import BagError
 from piezo_ros.bag.topics import remapped_part
-from piezo_ros.bag.writer import FORMAT_VERSION, RECORD_NAME
 
 __all__ = ['Salvage', 'salvage']
 

@@ -24,16 +24,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from piezo_ros.bag.container.rosbag2_writer import BagDirectory, Topic
+from piezo_ros.bag.description import PARAMETERS_NAME, RECORD_NAME, checked_metadata
 from piezo_ros.bag.errors import BagError
-from piezo_ros.bag.topics import NAMESPACE_KEY, TOPIC_KEY, check_topics, remapped_entries
+from piezo_ros.bag.topics import check_topics, remapped_entries
 from piezo_ros.streams import STREAMS, BlockCodec
 from piezo_ros.streams.message_type import DEFINITION, STREAM_QOS, TYPE_HASH, TYPE_NAME
 
-__all__ = ['FORMAT_VERSION', 'PARAMETERS_NAME', 'RECORD_NAME', 'BagWriter']
+__all__ = ['BagWriter']
 
-FORMAT_VERSION: Final = '1'
-RECORD_NAME: Final = 'piezo_ros'
-PARAMETERS_NAME: Final = 'parameters.yaml'
 _NANOSECONDS_PER_SECOND: Final = 1e9
 
 
@@ -81,7 +79,7 @@ class BagWriter:
     ) -> None:
         names = {stream: f'/{stream}' for stream in STREAMS} if topics is None else topics
         check_topics(names, namespace)
-        record = {**_record(metadata or {}), **remapped_entries(names, namespace)}
+        record = {**checked_metadata(metadata or {}), **remapped_entries(names, namespace)}
         self._bag = BagDirectory(directory, compression=compression, custom_data=record)
         # Ahead of the first chunk, so that they outlive a cut of the file anywhere behind.
         self._bag.add_metadata(RECORD_NAME, record)
@@ -135,7 +133,7 @@ class BagWriter:
             If the writer is closed, or the disk is full or fails.
 
         """
-        record = _record(metadata)
+        record = checked_metadata(metadata)
         self._check_open()
         self._bag.add_metadata(RECORD_NAME, record)
         self._bag.add_custom_data(record)
@@ -238,13 +236,3 @@ class BagWriter:
     def _check_open(self) -> None:
         if self._bag.closed:
             raise BagError(f'the writer of {self._bag.path} is closed')
-
-
-def _record(metadata: Mapping[str, str]) -> dict[str, str]:
-    """Return the entries of a metadata record, checked, with the writer's own."""
-    for key, value in metadata.items():
-        if not isinstance(value, str):
-            raise ValueError(f'metadata entry {key!r} is {value!r}, it must be a string')
-        if key in ('format_version', NAMESPACE_KEY) or key.startswith(TOPIC_KEY):
-            raise ValueError(f"metadata entry {key!r} is the writer's own")
-    return {**metadata, 'format_version': FORMAT_VERSION}

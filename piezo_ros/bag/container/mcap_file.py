@@ -16,7 +16,10 @@
 Sequential reading of one MCAP file, whole or cut anywhere.
 
 The index at the end of a file is not used: what is read is what is there, and a file whose writer
-was killed is read like any other up to its last whole record.
+was killed is read like any other up to its last whole record. The library `mcap` parses and
+decompresses the records. Only the way from record to record is our own: the stream reader of the
+library ends at the first damaged record, and it parses the index behind each chunk, which takes
+ten times as long as reading the samples may take.
 """
 
 import io
@@ -24,40 +27,41 @@ import os
 import struct
 import zlib
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from functools import partial
+from itertools import islice
 from pathlib import Path
-from typing import BinaryIO, Final, NamedTuple
+from typing import BinaryIO, Final, NamedTuple, TypeVar
 
-import lz4.frame
 import numpy as np
 import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Attachment, Channel, Metadata, Schema
+from mcap.records import Attachment, Channel, Chunk, Metadata, Schema
+from mcap.stream_reader import CRCValidationError, get_chunk_data_stream
 from mcap.writer import MCAP0_MAGIC
 from numpy.typing import NDArray
 
-from piezo_ros.bag.container.chunk_scan import HEAD_BYTES, Records, scan, unaligned
+from piezo_ros.bag.container.chunk_scan import HEAD_BYTES, read_head, scan, unaligned
 from piezo_ros.bag.errors import BagError
 
 __all__ = ['McapFile', 'Piece']
 
-_LOOSE_BYTES: Final = 1 << 20  # messages outside chunks are handed on in pieces of this size
+_LOOSE_BYTES: Final = 1 << 20  # messages outside of chunks are handed on in pieces of this size
 _CHANNEL_OFFSET: Final = 9
-# Chunks are decompressed ahead in threads, which hold no lock meanwhile.
+# Chunks are decompressed ahead in threads, which do not hold the interpreter's lock meanwhile.
 _THREADS: Final = max(1, min(4, (os.cpu_count() or 1) - 1))
-_AHEAD_PIECES: Final = 8
-_AHEAD_BYTES: Final = 64 << 20
-_read_head = struct.Struct('<BQ').unpack
-_read_chunk_head = struct.Struct('<QQQII').unpack_from
-_Index = list[NDArray[np.int64]]
+_PIECES_AHEAD: Final = 2 * _THREADS
+_PARSE_ERRORS: Final = (McapError, struct.error, UnicodeDecodeError, OverflowError, MemoryError)
+_DECOMPRESSION_ERRORS: Final = (zstandard.ZstdError, RuntimeError, MemoryError, OverflowError)
+_Record = TypeVar('_Record')
 
 
 class Piece(NamedTuple):
     """
-    A buffer with whole message records.
+    A buffer with whole message records: the inside of a chunk, or messages outside of chunks.
 
     Attributes
     ----------
@@ -65,17 +69,14 @@ class Piece(NamedTuple):
         The buffer.
     messages : ndarray of int64
         Offsets of the message records in it, in the order of the file.
-    number : int
-        Its place among the pieces of the file.
-    end : int
-        Offset in the file behind it.
+    position : int
+        Offset in the file of the chunk, or of the first of the messages.
 
     """
 
     data: bytes
     messages: NDArray[np.int64]
-    number: int = 0
-    end: int = 0
+    position: int = 0
 
     def by_channel(self) -> Iterator[tuple[int, NDArray[np.int64]]]:
         """Yield the number of each channel and the offsets of its messages."""
@@ -84,22 +85,20 @@ class Piece(NamedTuple):
             yield number, self.messages[channels == number]
 
 
-class _Raw(NamedTuple):
-    """A piece as it stands in the file: a chunk, or messages outside of chunks."""
+class _Unpacked(NamedTuple):
+    """A piece, the offsets of other records in it, and what is lost of it, if anything."""
 
-    number: int
-    position: int | None  # offset of the chunk; None outside of chunks
-    body: bytes
-    offsets: NDArray[np.int64] | None  # where messages are said to be
-    end: int
+    piece: Piece
+    others: list[int]
+    loss: str | None
 
 
 class McapFile:
     """
     One MCAP file.
 
-    `pieces` reads the file; the attributes are complete once it is exhausted, and whatever a
-    message needs is there by the time its piece is yielded.
+    The attributes are complete once `pieces` has read the whole file; schema and channel of a
+    message are there by the time its piece is yielded.
 
     Parameters
     ----------
@@ -114,8 +113,6 @@ class McapFile:
         All metadata records.
     attachments : list of Attachment
         All attachments.
-    complete : bool
-        Whether the writer came to the end of the data.
 
     """
 
@@ -125,7 +122,6 @@ class McapFile:
         self.channels: dict[int, Channel] = {}
         self.metadata: list[Metadata] = []
         self.attachments: list[Attachment] = []
-        self.complete = False
         self._damage: list[tuple[int, str]] = []
 
     @property
@@ -133,206 +129,182 @@ class McapFile:
         """Sentences that say what is cut off or damaged, in the order of the file."""
         return [text for _, text in sorted(self._damage)]
 
-    def pieces(self, wanted: Sequence[object] | None = None) -> Iterator[Piece]:
+    def pieces(self, positions: Iterable[int] | None = None) -> Iterator[Piece]:
         """
-        Yield all whole message records of the file, in its order.
+        Read all whole message records of the file, in its order.
 
         Parameters
         ----------
-        wanted : sequence, optional
-            Says by its truth, for the number of each chunk, whether to look into it.
+        positions : iterable of int, optional
+            The `Piece.position` of the pieces to read; by default the whole file is read.
+
+        Yields
+        ------
+        Piece
+            The next messages.
 
         Raises
         ------
         BagError
-            If the file cannot be opened or is no MCAP file.
+            If the file cannot be read, is no MCAP file, or has a chunk of unknown compression.
 
         """
         try:
-            with self.path.open('rb') as file:
-                yield from self._pieces(file, wanted)
+            with self.path.open('rb') as file, ThreadPoolExecutor(_THREADS) as threads:
+                ahead: deque[Future[_Unpacked]] = deque()
+                for unpack in self._packed_pieces(file, positions):
+                    ahead.append(threads.submit(unpack))
+                    if len(ahead) > _PIECES_AHEAD:
+                        yield self._unpacked_piece(ahead.popleft())
+                while ahead:
+                    yield self._unpacked_piece(ahead.popleft())
         except OSError as error:
             raise BagError(f'cannot read {self.path}: {error.strerror}') from error
 
-    def _pieces(self, file: BinaryIO, wanted: Sequence[object] | None) -> Iterator[Piece]:
-        size = file.seek(0, io.SEEK_END)
-        file.seek(0)
+    def _packed_pieces(
+        self, file: BinaryIO, positions: Iterable[int] | None,
+    ) -> Iterator[Callable[[], _Unpacked]]:
+        """Yield functions that unpack one piece each."""
         magic = file.read(len(MCAP0_MAGIC))
         if magic != MCAP0_MAGIC:
             raise BagError(
                 f'{self.path} is no MCAP file: it begins with {magic!r}, not {MCAP0_MAGIC!r}')
-        ahead: deque[tuple[int, Callable[[], Piece | None]]] = deque()
-        with ThreadPoolExecutor(_THREADS) as threads:
-            for raw in self._raw_pieces(file, size, wanted):
-                ahead.append((len(raw.body), self._prepared(threads, raw)))
-                while len(ahead) > _AHEAD_PIECES or sum(held for held, _ in ahead) > _AHEAD_BYTES:
-                    yield from self._taken(ahead)
-            while ahead:
-                yield from self._taken(ahead)
-        if not self.complete:
-            self._lose_at(size, f'{self.path.name} was not closed by its writer')
+        if positions is None:
+            yield from self._packed_from(file)
+            return
+        for position in positions:
+            file.seek(position)
+            yield from islice(self._packed_from(file), 1)
 
-    def _raw_pieces(
-        self, file: BinaryIO, size: int, wanted: Sequence[object] | None,
-    ) -> Iterator[_Raw]:
-        """Yield chunks and the messages outside of chunks; note everything else."""
-        number = 0
+    def _packed_from(self, file: BinaryIO) -> Iterator[Callable[[], _Unpacked]]:
+        """Yield the pieces from here to the end of the file; keep the records between them."""
         loose: list[bytes] = []
-        loose_bytes = 0
-        for position, opcode, length in self._records(file, size):
+        loose_position = loose_bytes = 0
+        for position, opcode, length, body in self._records(file):
             if opcode == Opcode.MESSAGE:
-                loose.append(struct.pack('<BQ', opcode, length) + file.read(length))
+                if not loose:
+                    loose_position, loose_bytes = position, 0
+                loose.append(struct.pack('<BQ', opcode, length) + body)
                 loose_bytes += len(loose[-1])
                 if loose_bytes < _LOOSE_BYTES:
                     continue
             if loose:
-                yield _Raw(number, None, b''.join(loose), None, position)
-                number, loose, loose_bytes = number + 1, [], 0
+                yield partial(_scanned, loose_position, b''.join(loose))
+                loose = []
             if opcode == Opcode.CHUNK:
-                if wanted is None or (number < len(wanted) and wanted[number]):
-                    body = file.read(length)
-                    index = self._message_index(file, size)
-                    yield _Raw(number, position, body, index, file.tell())
-                else:
-                    file.seek(length, io.SEEK_CUR)
-                number += 1
+                yield partial(_unpacked_chunk, self.path, position, length, body)
             elif opcode != Opcode.MESSAGE:
-                self._keep(position, opcode, file.read(length))
+                self._keep(position, opcode, body)
         if loose:
-            yield _Raw(number, None, b''.join(loose), None, file.tell())
+            yield partial(_scanned, loose_position, b''.join(loose))
 
-    def _prepared(self, threads: ThreadPoolExecutor, raw: _Raw) -> Callable[[], Piece | None]:
-        """Begin to decompress a piece and return how to get it."""
-        if raw.position is None:
-            return lambda: Piece(raw.body, scan(raw.body).messages, raw.number, raw.end)
-        position = raw.position
-        inside = threads.submit(self._uncompressed, position, raw.body)
-        return lambda: self._chunk(position, inside.result(), raw)
-
-    @staticmethod
-    def _taken(ahead: deque[tuple[int, Callable[[], Piece | None]]]) -> Iterator[Piece]:
-        _, result = ahead.popleft()
-        piece = result()
-        if piece is not None:
-            yield piece
-
-    def _records(self, file: BinaryIO, size: int) -> Iterator[tuple[int, int, int]]:
+    def _records(self, file: BinaryIO) -> Iterator[tuple[int, int, int, bytes]]:
         """
-        Yield offset, opcode and length of each whole record of the data section.
+        Yield offset, opcode, length and body of each record of the data section from here on.
 
-        The body is left to the caller, who reads it or seeks behind it. Of a chunk that is cut off
-        the length is what is left.
+        Message indices are left out. The last record may be a chunk whose body is cut off; every
+        other record is whole.
         """
-        while True:
-            position = file.tell()
-            head = file.read(HEAD_BYTES)
-            if len(head) < HEAD_BYTES:
-                break
-            opcode, length = _read_head(head)
+        position = file.tell()
+        size = file.seek(0, io.SEEK_END)
+        file.seek(position)
+        while position + HEAD_BYTES <= size:
+            opcode, length = read_head(file.read(HEAD_BYTES))
+            end = position + HEAD_BYTES + length
             if opcode in (Opcode.DATA_END, Opcode.FOOTER):
-                self.complete = True
                 return
-            left = size - file.tell()
-            if opcode == 0 or length > left:
-                if opcode == Opcode.CHUNK:
-                    yield position, opcode, left
-                    return
+            if opcode == 0 or (end > size and opcode != Opcode.CHUNK):
                 break
-            yield position, opcode, length
+            if opcode == Opcode.MESSAGE_INDEX:
+                file.seek(end)
+            else:
+                yield position, opcode, length, file.read(length if end <= size else -1)
+            position = end
         if position < size:
             self._lose(position, f'{size - position} bytes of a record that is not whole')
+        self._damage.append((size, f'{self.path.name} was not closed by its writer'))
 
-    def _message_index(self, file: BinaryIO, size: int) -> NDArray[np.int64] | None:
-        """Read the message index that follows a chunk, None if there is none."""
-        parts: _Index = []
-        while True:
-            position = file.tell()
-            head = file.read(HEAD_BYTES)
-            if len(head) == HEAD_BYTES:
-                opcode, length = _read_head(head)
-                if opcode == Opcode.MESSAGE_INDEX and 6 <= length <= size - file.tell():
-                    body = file.read(length)
-                    pairs = np.frombuffer(body, '<i8', offset=6, count=(length - 6) // 16 * 2)
-                    parts.append(pairs[1::2])
-                    continue
-            file.seek(position)
-            return np.concatenate(parts) if parts else None
-
-    def _chunk(
-        self, position: int, inside: tuple[bytes, bool] | None, raw: _Raw,
-    ) -> Piece | None:
-        if inside is None:
-            return None
-        data, whole = inside
-        records = scan(data, raw.offsets)
-        self._keep_all(position, data, records)
-        if records.end < len(data) or not whole:
-            self._lose(position, 'the end of a chunk')
-        return Piece(data, records.messages, raw.number, raw.end)
-
-    def _uncompressed(self, position: int, body: bytes) -> tuple[bytes, bool] | None:
-        """Return the inside of a chunk and whether it is all of it; None if nothing is whole."""
-        try:
-            _, _, size, crc, name_length = _read_chunk_head(body)
-            compression = body[32:32 + name_length].decode()
-            (stored,) = struct.unpack_from('<Q', body, 32 + name_length)
-        except (struct.error, UnicodeDecodeError):
-            self._lose(position, 'a chunk cut within its head')
-            return None
-        packed = memoryview(body)[40 + name_length:40 + name_length + stored]
-        if len(packed) < stored:
-            if compression:
-                self._lose(position, f'a chunk of which {len(packed)} of {stored} bytes are left')
-                return None
-            return bytes(packed), False
-        try:
-            data = _decompress(packed, compression, size)
-        except (zstandard.ZstdError, RuntimeError, MemoryError, OverflowError) as error:
-            self._lose(position, f'a chunk that does not decompress ({error})')
-            return None
-        if len(data) != size or (crc != 0 and zlib.crc32(data) != crc):
-            self._lose(position, 'a chunk whose checksum is wrong')
-            return None
-        return data, True
-
-    def _keep_all(self, position: int, data: bytes, records: Records) -> None:
-        for start in records.others:
-            opcode, length = _read_head(data[start:start + HEAD_BYTES])
+    def _unpacked_piece(self, future: Future[_Unpacked]) -> Piece:
+        """Return a piece once it is unpacked; keep the other records in it."""
+        piece, others, loss = future.result()
+        for start in others:
+            opcode, length = read_head(piece.data, start)
             body_start = start + HEAD_BYTES
-            self._keep(position, opcode, data[body_start:body_start + length])
+            self._keep(piece.position, opcode, piece.data[body_start:body_start + length])
+        if loss is not None:
+            self._lose(piece.position, loss)
+        return piece
 
     def _keep(self, position: int, opcode: int, body: bytes) -> None:
-        """Note a record that is no message."""
-        stream = ReadDataStream(io.BytesIO(body))
+        """Keep a record that is no message."""
         try:
             if opcode == Opcode.SCHEMA:
-                schema = Schema.read(stream)
+                schema = _parsed(Schema.read, body)
                 self.schemas[schema.id] = schema
             elif opcode == Opcode.CHANNEL:
-                channel = Channel.read(stream)
+                channel = _parsed(Channel.read, body)
                 self.channels[channel.id] = channel
             elif opcode == Opcode.METADATA:
-                self.metadata.append(Metadata.read(stream))
+                self.metadata.append(_parsed(Metadata.read, body))
             elif opcode == Opcode.ATTACHMENT:
+                # The library skips this checksum.
                 if zlib.crc32(body[:-4]) != int.from_bytes(body[-4:], 'little') != 0:
                     self._lose(position, 'an attachment whose checksum is wrong')
                     return
-                self.attachments.append(Attachment.read(stream))
-        except (McapError, struct.error, UnicodeDecodeError) as error:
+                self.attachments.append(_parsed(Attachment.read, body))
+        except _PARSE_ERRORS as error:
             self._lose(position, f'a record of kind {opcode} that does not parse ({error})')
 
     def _lose(self, position: int, what: str) -> None:
-        self._lose_at(position, f'{self.path.name}: {what}, from byte {position} on')
-
-    def _lose_at(self, position: int, text: str) -> None:
-        self._damage.append((position, text))
+        self._damage.append((position, f'{self.path.name}: {what}, from byte {position} on'))
 
 
-def _decompress(data: memoryview, compression: str, size: int) -> bytes:
-    if compression == 'zstd':
-        return zstandard.ZstdDecompressor().decompress(data, max_output_size=size)
-    if compression == 'lz4':
-        return bytes(lz4.frame.decompress(data))
-    if compression == '':
-        return bytes(data)
-    raise BagError(f'chunk compression {compression!r} is none of zstd, lz4 and none')
+def _parsed(read: Callable[[ReadDataStream], _Record], body: bytes) -> _Record:
+    return read(ReadDataStream(io.BytesIO(body)))
+
+
+def _scanned(position: int, data: bytes, loss: str | None = None) -> _Unpacked:
+    """Find the records in a buffer of which something may be lost already."""
+    records = scan(data)
+    if records.end < len(data):
+        loss = loss or 'records that are not whole'
+    return _Unpacked(Piece(data, records.messages, position), records.others, loss)
+
+
+def _unpacked_chunk(path: Path, position: int, length: int, body: bytes) -> _Unpacked:
+    """
+    Decompress a chunk and find the records in it.
+
+    Parameters
+    ----------
+    path, position : Path, int
+        Where it is.
+    length : int
+        Length of the body.
+    body : bytes
+        As much of it as is left.
+
+    """
+    nothing = partial(_scanned, position, b'')
+    try:
+        chunk = _parsed(Chunk.read, body)
+    except _PARSE_ERRORS:
+        return nothing('a chunk cut within its head')
+    if chunk.compression not in ('zstd', 'lz4', ''):
+        raise BagError(
+            f'{path}: chunk compression {chunk.compression!r} is none of zstd, lz4 and none')
+    missing = length - len(body)
+    if missing and chunk.compression:
+        left = len(chunk.data)
+        return nothing(f'a chunk of which {left} of {left + missing} bytes are left')
+    if missing:
+        return _scanned(position, chunk.data, 'the end of a chunk')
+    try:
+        stream, size = get_chunk_data_stream(chunk, validate_crc=True)
+    except CRCValidationError:
+        return nothing('a chunk whose checksum is wrong')
+    except _DECOMPRESSION_ERRORS as error:
+        return nothing(f'a chunk that does not decompress ({error})')
+    if size != chunk.uncompressed_size:
+        return nothing(f'a chunk of {size} bytes that should hold {chunk.uncompressed_size}')
+    return _scanned(position, stream.read(size))
