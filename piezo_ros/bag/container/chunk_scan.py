@@ -34,6 +34,7 @@ __all__ = ['HEAD_BYTES', 'MESSAGE_HEAD_BYTES', 'Records', 'read_head', 'scan', '
 HEAD_BYTES: Final = 9  # opcode and length of any record
 MESSAGE_HEAD_BYTES: Final = 31  # the same, channel, sequence, log time and publish time
 _MESSAGE_BODY_BYTES: Final = MESSAGE_HEAD_BYTES - HEAD_BYTES
+_MESSAGE: Final = np.uint8(Opcode.MESSAGE)  # bytes compared with an int are widened first
 _Offsets = NDArray[np.int64]
 read_head = struct.Struct('<BQ').unpack_from  # opcode and length of a record
 
@@ -91,8 +92,8 @@ def scan(data: bytes) -> Records:
 
 def _possible_messages(data: bytes) -> tuple[_Offsets, _Offsets]:
     """Return where bytes look like a message record that fits in the buffer, and where it ends."""
-    starts = np.flatnonzero(
-        unaligned(data, '<u1')[:max(len(data) - MESSAGE_HEAD_BYTES + 1, 0)] == Opcode.MESSAGE)
+    opcodes = np.frombuffer(data, np.uint8)[:max(len(data) - MESSAGE_HEAD_BYTES + 1, 0)]
+    starts = np.flatnonzero(opcodes == _MESSAGE)
     lengths = unaligned(data, '<u8')[starts + 1]
     fits = (lengths >= _MESSAGE_BODY_BYTES) & (lengths <= len(data))
     starts, lengths = starts[fits], lengths[fits]
