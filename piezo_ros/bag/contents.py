@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the files of a bag hold: streams by namespace, metadata, parameters, damage."""
+"""Content of the files of a bag: streams by rig, metadata, parameters, damage."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -43,7 +43,7 @@ Span = dict[str, tuple[int, int]]
 @dataclass(frozen=True)
 class Facts(Generic[_Sink]):
     """
-    A bag that was looked through from end to end, apart from its samples.
+    Everything that is known of a run in a bag, apart from its samples.
 
     Attributes
     ----------
@@ -82,7 +82,7 @@ class Facts(Generic[_Sink]):
 
 class Contents(Generic[_Sink]):
     """
-    The content of a bag, file by file, its samples handed to sinks.
+    The content of a bag, read file by file; the samples go to sinks.
 
     Parameters
     ----------
@@ -96,7 +96,7 @@ class Contents(Generic[_Sink]):
     Attributes
     ----------
     spans : dict of Path to dict of int to Span
-        What is in each piece of each file, by its position.
+        The samples in each piece of each file, by the position of the piece.
     files : dict of Path to McapFile
         The files that were read.
 
@@ -118,7 +118,8 @@ class Contents(Generic[_Sink]):
         self._read(files)
         named = named_topics(self._metadata)
         if any(self._kinds.get(topic, stream) != stream for topic, (_, stream) in named.items()):
-            # Another program has put the record behind the messages of misleading topics.
+            # The record came behind messages on topics with the name of another stream, as in a
+            # bag that another program has converted.
             self._named = named
             self._read(files)
         self._rigs = Rigs(
@@ -126,7 +127,7 @@ class Contents(Generic[_Sink]):
             {**named_topics(self._metadata), **self._named})
 
     def _read(self, files: list[Path]) -> None:
-        """Look through all files."""
+        """Read all files, from the first on."""
         self._metadata: list[Metadata] = []
         self._attachments: list[Attachment] = []
         self._damage: list[str] = []
@@ -149,6 +150,7 @@ class Contents(Generic[_Sink]):
         self._damage += file.damage
 
     def _take(self, file: McapFile, piece: Piece) -> Span:
+        """Hand the samples in a piece to their sinks and return which these are."""
         span: Span = {}
         for number, messages in piece.by_channel():
             topic = array_topic(file.schemas, file.channels.get(number))
@@ -191,7 +193,7 @@ class Contents(Generic[_Sink]):
         namespace : str or None
             Namespace of the rig; needed only where several rigs are in the bag.
         allow_loss : bool
-            Whether a damaged bag will do as far as it is whole.
+            Whether to accept a damaged bag, as far as it is whole.
 
         Raises
         ------
@@ -243,7 +245,7 @@ class Contents(Generic[_Sink]):
             raise BagError(
                 f'{self._path} has streams in several namespaces, say which: '
                 f'{", ".join(sorted(rigs.choices))}'
-                + (f'; the names do not tell whose these are: {labelled}' if labelled else ''))
+                + (f'; the names do not tell the rig of these: {labelled}' if labelled else ''))
         return rigs.choices[0]
 
     def _stream_topics(self, namespace: str) -> dict[str, str]:

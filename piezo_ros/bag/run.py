@@ -67,7 +67,7 @@ class Run:
     metadata : dict of str to str
         The metadata record 'piezo_ros'; empty for a foreign recording.
     lost : tuple of str
-        Sentences that say what is missing; empty unless losses were allowed or the bag came from
+        Sentences that name the losses; empty unless losses were allowed or the bag came from
         `salvage`.
     topics : tuple of str
         Names of all topics in the bag.
@@ -182,18 +182,18 @@ def run_of(
     sample_period_s: float | None = None,
 ) -> Run:
     """
-    Return a run out of what is known of a bag and of its samples, or some of them.
+    Return the run in a bag, or a part of it.
 
     Parameters
     ----------
     path : Path
         The bag.
     facts : Facts
-        What is known of it.
+        Everything but the samples.
     streams : mapping of str to Samples
         The samples.
     start_index, samples, sample_period_s : optional
-        Of the samples, where they are not all.
+        Those of the part; by default those of the whole run.
 
     """
     return Run(

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Sinks: what becomes of the samples of a stream while a bag is read."""
+"""Sinks, which take the samples of a stream while a bag is read."""
 
 from collections.abc import Callable
 
@@ -38,7 +38,7 @@ class Collected:
 
     def __init__(self, kept: range | None = None) -> None:
         self._kept = kept
-        # Grows where it is, as a rule; an array would be copied.
+        # Most often grows without being copied, other than an array.
         self._bytes = bytearray()
 
     def __call__(self, index: int, samples: NDArray[np.float64]) -> None:

@@ -50,7 +50,7 @@ class StreamAssembler:
     count : int
         How many samples were handed on.
     problem : str or None
-        What is wrong right behind the last of them; None if nothing is.
+        What is wrong with the sample that should follow; None if nothing is.
 
     """
 

@@ -23,7 +23,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from piezo_ros.bag.container.rosbag2_writer import BagDirectory, Topic
+from piezo_ros.bag.container.rosbag2_writer import Rosbag2Writer, Topic
 from piezo_ros.bag.description import PARAMETERS_NAME, RECORD_NAME, checked_metadata
 from piezo_ros.bag.errors import BagError
 from piezo_ros.bag.topics import check_topics, remapped_entries
@@ -40,8 +40,8 @@ class BagWriter:
     Writer of one run: a rosbag2 directory with its streams, its metadata and its parameters.
 
     The log time of a block is the simulated time of its first sample, index times sample period.
-    The same calls give the same bytes: no clock is read. The channels are those of `topics`, in
-    the order of `STREAMS`, whatever arrives first or never.
+    The same calls give the same bytes: no clock is read. Each of `topics` has a channel, in the
+    order of `STREAMS`, also one that is never written to.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ class BagWriter:
         names = {stream: f'/{stream}' for stream in STREAMS} if topics is None else topics
         check_topics(names, namespace)
         record = {**checked_metadata(metadata or {}), **remapped_entries(names, namespace)}
-        self._bag = BagDirectory(directory, compression=compression, custom_data=record)
+        self._bag = Rosbag2Writer(directory, compression=compression, custom_data=record)
         # Ahead of the first chunk, so that they outlive a cut of the file anywhere behind.
         self._bag.add_metadata(RECORD_NAME, record)
         self._streams: dict[str, tuple[int, BlockCodec]] = {}
@@ -113,17 +113,17 @@ class BagWriter:
 
     def describe(self, metadata: Mapping[str, str], yaml_text: str | None = None) -> None:
         """
-        Say more of the run, or other than before: what was learned after the bag was begun.
+        Add to the description of the run, or correct it, after the bag was begun.
 
-        It stands behind what is written by now, and a later cut of the file may lose it.
+        The addition stands behind the blocks written so far: a cut of the file may lose it.
 
         Parameters
         ----------
         metadata : mapping of str to str
-            Entries of the metadata record 'piezo_ros'; those of the same name give way to them.
+            Entries of the metadata record 'piezo_ros'; they replace those of the same name.
         yaml_text : str, optional
-            A ROS parameter file, as `attach_parameters` takes it, of which each parameter takes
-            the place of what was said before.
+            A ROS parameter file, as `attach_parameters` takes it; its parameters replace those of
+            the same name.
 
         Raises
         ------
@@ -142,7 +142,7 @@ class BagWriter:
 
     def write(self, stream: str, raw: bytes) -> None:
         """
-        Write one serialized block (hot path: the block is taken for valid, its numbers unread).
+        Write one serialized block (hot path: layout and samples are not checked).
 
         Parameters
         ----------
@@ -159,14 +159,12 @@ class BagWriter:
             If the writer is closed, the stream is not in `topics`, or the disk is full or fails.
 
         """
+        if stream not in self._streams:
+            raise self._missing(stream)
+        channel, codec = self._streams[stream]
         try:
-            channel, codec = self._streams[stream]
             index, sample_period_s = codec.index_and_period(raw)
             time_ns = round(index * sample_period_s * _NANOSECONDS_PER_SECOND)
-        except KeyError:
-            raise BagError(
-                f'stream {stream!r} is not in this bag, which has '
-                f'{", ".join(self._streams)}') from None
         except (struct.error, ValueError, OverflowError):
             codec.decode(raw)  # names what is wrong
             raise
@@ -202,7 +200,7 @@ class BagWriter:
 
         """
         if stream not in self._streams:
-            self.write(stream, b'')
+            raise self._missing(stream)
         codec = self._streams[stream][1]
         self.write(stream, codec.encode(index, sample_period_s, samples))
 
@@ -210,8 +208,7 @@ class BagWriter:
         """
         Hand everything written so far to the operating system, as whole chunks.
 
-        A recorder killed later loses at most what it wrote after this call.
-
+        A recorder that is killed later loses at most the blocks that it wrote after this call.
         """
         self._check_open()
         self._bag.flush()
@@ -230,8 +227,12 @@ class BagWriter:
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        """Close the writer, so that what was written before an error is a whole bag."""
+        """Close the writer, so that the bag is whole up to an error."""
         self.close()
+
+    def _missing(self, stream: str) -> BagError:
+        return BagError(
+            f'stream {stream!r} is not in this bag, which has {", ".join(self._streams)}')
 
     def _check_open(self) -> None:
         if self._bag.closed:

@@ -195,7 +195,7 @@ class BlockCodec:
         return Block(index, period, tuple(samples.tolist()))
 
     def decode_array(self, raw: bytes) -> ArrayBlock:
-        """Return what `decode` does, the samples as an array."""
+        """Return the block as `decode` does, its samples as an array."""
         label, size, stride, offset, data = _parse(raw)
         if label != self.label:
             raise MalformedBlockError(

@@ -49,5 +49,5 @@ def label_of(stream: str) -> str:
 
 
 def stream_with_label(label: str) -> str | None:
-    """Return the stream whose blocks carry a label, None if there is none."""
+    """Return the stream with this label, None if there is none."""
     return next((stream for stream in STREAMS if label_of(stream) == label), None)

@@ -274,7 +274,7 @@ def test_what_is_not_clear_is_refused_by_name(tmp_path, run_samples, blocks_of, 
     record_foreign(tmp_path / 'two.mcap', two)
     with pytest.raises(BagError, match=(
             r'several namespaces, say which: /a, /b, /stage_a, /stage_b; the names do not tell '
-            r'whose these are: /stage_a/position \(displacement\), '
+            r'the rig of these: /stage_a/position \(displacement\), '
             r'/stage_b/position \(displacement\)')):
         read(tmp_path / 'two.mcap')
     assert read(tmp_path / 'two.mcap', namespace='/a').streams == tuple(STREAMS)[:-1]

@@ -16,10 +16,10 @@
 Finding of the MCAP records in a buffer, such as the inside of a chunk.
 
 Each record begins with its opcode (1 byte) and the length of its body (8 bytes), so that records
-are found by a walk from one to the next. A walk in Python takes a microsecond for each record.
-Therefore every byte that may begin a message is looked up at once; where each of them ends at the
-next one, as in most chunks from end to end, the walk skips to the end of that run. The result is
-that of the plain walk for any bytes.
+are found by a walk from one to the next. In Python this takes about a microsecond for each record,
+longer than all the rest. Therefore all places that look like a message are found at once, as
+arrays. Where one such message ends at the next, the walk takes the whole run of them in one step;
+most chunks are a single run. For any bytes the result is that of a plain walk.
 """
 
 import struct

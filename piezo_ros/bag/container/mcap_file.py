@@ -15,11 +15,11 @@
 """
 Sequential reading of one MCAP file, whole or cut anywhere.
 
-The index at the end of a file is not used: what is read is what is there, and a file whose writer
-was killed is read like any other up to its last whole record. The library `mcap` parses and
-decompresses the records. Only the way from record to record is our own: the stream reader of the
-library ends at the first damaged record, and it parses the index behind each chunk, which takes
-ten times as long as reading the samples may take.
+The index at the end of a file is not used, so that a file that was cut off is read like any other,
+up to its last whole record. The library mcap parses and decompresses the records. Only the step
+from record to record is done here: `mcap.stream_reader.StreamReader` stops at the first record
+that does not parse, and it parses the message index behind each chunk entry by entry, which takes
+longer than all the rest where each message holds one sample.
 """
 
 import io
@@ -86,7 +86,7 @@ class Piece(NamedTuple):
 
 
 class _Unpacked(NamedTuple):
-    """A piece, the offsets of other records in it, and what is lost of it, if anything."""
+    """A piece, the offsets of the other records in it, and the loss in it, if there is one."""
 
     piece: Piece
     others: list[int]
@@ -95,7 +95,7 @@ class _Unpacked(NamedTuple):
 
 class McapFile:
     """
-    One MCAP file.
+    Reader of one MCAP file.
 
     The attributes are complete once `pieces` has read the whole file; schema and channel of a
     message are there by the time its piece is yielded.
@@ -202,8 +202,8 @@ class McapFile:
         """
         Yield offset, opcode, length and body of each record of the data section from here on.
 
-        Message indices are left out. The last record may be a chunk whose body is cut off; every
-        other record is whole.
+        Message indices are left out. The last record may be a chunk of which the end is cut
+        off; every other record is whole.
         """
         position = file.tell()
         size = file.seek(0, io.SEEK_END)
@@ -249,14 +249,14 @@ class McapFile:
             elif opcode == Opcode.ATTACHMENT:
                 # The library skips this checksum.
                 if zlib.crc32(body[:-4]) != int.from_bytes(body[-4:], 'little') != 0:
-                    self._lose(position, 'an attachment whose checksum is wrong')
+                    self._lose(position, 'an attachment with a wrong checksum')
                     return
                 self.attachments.append(_parsed(Attachment.read, body))
         except _PARSE_ERRORS as error:
             self._lose(position, f'a record of kind {opcode} that does not parse ({error})')
 
-    def _lose(self, position: int, what: str) -> None:
-        self._damage.append((position, f'{self.path.name}: {what}, from byte {position} on'))
+    def _lose(self, position: int, loss: str) -> None:
+        self._damage.append((position, f'{self.path.name}: {loss}, from byte {position} on'))
 
 
 def _parsed(read: Callable[[ReadDataStream], _Record], body: bytes) -> _Record:
@@ -302,7 +302,7 @@ def _unpacked_chunk(path: Path, position: int, length: int, body: bytes) -> _Unp
     try:
         stream, size = get_chunk_data_stream(chunk, validate_crc=True)
     except CRCValidationError:
-        return nothing('a chunk whose checksum is wrong')
+        return nothing('a chunk with a wrong checksum')
     except _DECOMPRESSION_ERRORS as error:
         return nothing(f'a chunk that does not decompress ({error})')
     if size != chunk.uncompressed_size:
