@@ -17,7 +17,6 @@
 import numpy as np
 import pytest
 
-from piezo_ros.bag.block import BlockCodec
 from piezo_ros.bag.relay_kernels import relay_controller, relay_inverse, relay_rig
 from piezo_ros.control.controller import (
     ControllerParameters,
@@ -29,6 +28,7 @@ from piezo_ros.control.stepping import PackedController
 from piezo_ros.model import HysteresisParameters, RigParameters
 from piezo_ros.model.compiled import Operands
 from piezo_ros.model.stepping import compensator_stepper, packed_memory, rig_stepper
+from piezo_ros.streams import BlockCodec
 
 PERIOD_S = 1e-5
 COUNT = 300
