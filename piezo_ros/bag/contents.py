@@ -12,29 +12,28 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the files of a bag hold: streams by namespace, metadata, parameters, damage."""
+"""Content of the files of a bag: streams by rig, metadata, parameters, damage."""
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final, Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
-import yaml
 from mcap.records import Attachment, Metadata
 
-from piezo_ros.bag.block import STREAMS, labelled_stream
-from piezo_ros.bag.chunk_scan import HEAD_BYTES, MESSAGE_HEAD_BYTES, unaligned
-from piezo_ros.bag.container import McapFile, Piece
+from piezo_ros.bag.container.chunk_scan import HEAD_BYTES, MESSAGE_HEAD_BYTES, unaligned
+from piezo_ros.bag.container.mcap_file import McapFile, Piece
+from piezo_ros.bag.container.rosbag2_files import mcap_files
+from piezo_ros.bag.description import LOST_KEY, recorded_metadata, recorded_parameters
 from piezo_ros.bag.errors import BagError
-from piezo_ros.bag.layout import mcap_files
-from piezo_ros.bag.message_type import TYPE_NAME
-from piezo_ros.bag.stream import Sink, StreamAssembler
+from piezo_ros.bag.sinks import Sink
+from piezo_ros.bag.stream_assembly import StreamAssembler
 from piezo_ros.bag.topics import Place, Rigs, array_topic, named_topics
-from piezo_ros.bag.writer import FORMAT_VERSION, PARAMETERS_NAME, RECORD_NAME
+from piezo_ros.streams import STREAMS, labelled_stream
+from piezo_ros.streams.message_type import TYPE_NAME
 
-__all__ = ['LOST_KEY', 'Contents', 'Facts', 'Span']
+__all__ = ['Contents', 'Facts', 'Span']
 
-LOST_KEY: Final = 'lost'  # entry of the metadata record in which a salvaged bag names its losses
 _Sink = TypeVar('_Sink', bound=Sink)
 # Topic -> first index and end of its samples in one piece.
 Span = dict[str, tuple[int, int]]
@@ -44,7 +43,7 @@ Span = dict[str, tuple[int, int]]
 @dataclass(frozen=True)
 class Facts(Generic[_Sink]):
     """
-    A bag that was looked through from end to end, apart from its samples.
+    Everything that is known of a run in a bag, apart from its samples.
 
     Attributes
     ----------
@@ -83,24 +82,21 @@ class Facts(Generic[_Sink]):
 
 class Contents(Generic[_Sink]):
     """
-    The content of a bag, file by file, its samples handed to sinks.
+    The content of a bag, read file by file; the samples go to sinks.
 
     Parameters
     ----------
     path : Path
         The bag.
     sink : callable
-        Makes the sink of a stream when its first message comes; is given a function that says
-        what share of the bag has been read.
-    wanted : collection of str, optional
-        The streams to look at; all by default.
+        Makes the sink of a stream when its first message comes.
     keep_not_finite : bool, optional
         Whether samples that are NaN or infinite are in order.
 
     Attributes
     ----------
-    spans : dict of Path to list of Span
-        What is in each piece of each file.
+    spans : dict of Path to dict of int to Span
+        The samples in each piece of each file, by the position of the piece.
     files : dict of Path to McapFile
         The files that were read.
 
@@ -112,20 +108,18 @@ class Contents(Generic[_Sink]):
     """
 
     def __init__(
-        self, path: Path, sink: Callable[[Callable[[], float]], _Sink], *,
-        wanted: Collection[str] = tuple(STREAMS), keep_not_finite: bool = False,
+        self, path: Path, sink: Callable[[], _Sink], *, keep_not_finite: bool = False,
     ) -> None:
         self._path = path
         self._sink = sink
-        self._wanted = wanted
         self._keep_not_finite = keep_not_finite
         files = mcap_files(path)
-        self._total_bytes = max(1, sum(file.stat().st_size for file in files))
         self._named: dict[str, Place] = {}
         self._read(files)
         named = named_topics(self._metadata)
         if any(self._kinds.get(topic, stream) != stream for topic, (_, stream) in named.items()):
-            # Another program has put the record behind the messages of misleading topics.
+            # The record came behind messages on topics with the name of another stream, as in a
+            # bag that another program has converted.
             self._named = named
             self._read(files)
         self._rigs = Rigs(
@@ -133,36 +127,30 @@ class Contents(Generic[_Sink]):
             {**named_topics(self._metadata), **self._named})
 
     def _read(self, files: list[Path]) -> None:
-        """Look through all files."""
+        """Read all files, from the first on."""
         self._metadata: list[Metadata] = []
         self._attachments: list[Attachment] = []
         self._damage: list[str] = []
         self._topics: set[str] = set()
         self._kinds: dict[str, str | None] = {}  # topic -> its stream, None if it is none
         self._streams: dict[str, tuple[StreamAssembler, _Sink]] = {}  # by topic
-        self.spans: dict[Path, list[Span]] = {}
+        self.spans: dict[Path, dict[int, Span]] = {}
         self.files: dict[Path, McapFile] = {}
-        self._read_bytes = 0
-        self._piece_bytes = 0
         for file in files:
             self._add(file)
-            self._read_bytes += file.stat().st_size
-            self._piece_bytes = 0
 
     def _add(self, path: Path) -> None:
         file = McapFile(path)
         self.files[path] = file
-        spans = self.spans[path] = []
-        for piece in file.pieces():
-            spans += [{} for _ in range(len(spans), piece.number)]
-            self._piece_bytes = piece.end
-            spans.append(self._take(file, piece))
+        self.spans[path] = {
+            piece.position: self._take(file, piece) for piece in file.pieces()}
         self._topics.update(channel.topic for channel in file.channels.values())
         self._metadata += file.metadata
         self._attachments += file.attachments
         self._damage += file.damage
 
     def _take(self, file: McapFile, piece: Piece) -> Span:
+        """Hand the samples in a piece to their sinks and return which these are."""
         span: Span = {}
         for number, messages in piece.by_channel():
             topic = array_topic(file.schemas, file.channels.get(number))
@@ -171,10 +159,10 @@ class Contents(Generic[_Sink]):
             if topic not in self._kinds:
                 self._kinds[topic] = self._kind(topic, file, piece, int(messages[0]))
             stream = self._kinds[topic]
-            if stream is None or stream not in self._wanted:
+            if stream is None:
                 continue
             if topic not in self._streams:
-                sink = self._sink(self._share)
+                sink = self._sink()
                 self._streams[topic] = StreamAssembler(
                     stream, sink, keep_not_finite=self._keep_not_finite), sink
             assembler, _ = self._streams[topic]
@@ -196,9 +184,6 @@ class Contents(Generic[_Sink]):
         length = int(unaligned(piece.data, '<u8')[start + 1])
         return labelled_stream(piece.data[start + MESSAGE_HEAD_BYTES:start + HEAD_BYTES + length])
 
-    def _share(self) -> float:
-        return min(1.0, max(self._read_bytes + self._piece_bytes, 1) / self._total_bytes)
-
     def facts(self, namespace: str | None, *, allow_loss: bool) -> Facts[_Sink]:
         """
         Return all that is known of the streams of one rig.
@@ -208,7 +193,7 @@ class Contents(Generic[_Sink]):
         namespace : str or None
             Namespace of the rig; needed only where several rigs are in the bag.
         allow_loss : bool
-            Whether a damaged bag will do as far as it is whole.
+            Whether to accept a damaged bag, as far as it is whole.
 
         Raises
         ------
@@ -221,7 +206,7 @@ class Contents(Generic[_Sink]):
             raise BagError(
                 f'{path} is damaged: {"; ".join(self._damage)}. `piezo bag salvage {path}` '
                 'recovers what is whole')
-        metadata = _record(path, self._metadata)
+        metadata = recorded_metadata(path, self._metadata)
         chosen = self._namespace(namespace)
         topics = self._stream_topics(chosen)
         found = {stream: self._streams[topic] for stream, topic in topics.items()}
@@ -234,7 +219,7 @@ class Contents(Generic[_Sink]):
         start, stop, period_s = _common(path, assemblers, problems)
         return Facts(
             chosen, period_s, start, stop - start, streams,
-            _parameters(path, self._attachments), metadata,
+            recorded_parameters(path, self._attachments), metadata,
             (*metadata.get(LOST_KEY, '').splitlines(), *self._damage, *problems),
             tuple(sorted(self._topics)), {stream: topics[stream] for stream in streams})
 
@@ -245,7 +230,7 @@ class Contents(Generic[_Sink]):
             topics = ', '.join(sorted(self._topics)) or 'none'
             raise BagError(
                 f'{self._path} has no stream: no messages of type {TYPE_NAME} on a topic that '
-                f'ends in one of {", ".join(self._wanted)} or labelled as one; its topics are '
+                f'ends in one of {", ".join(STREAMS)} or labelled as one; its topics are '
                 f'{topics}')
         if wanted is not None:
             name = '/' + wanted.strip('/')
@@ -260,7 +245,7 @@ class Contents(Generic[_Sink]):
             raise BagError(
                 f'{self._path} has streams in several namespaces, say which: '
                 f'{", ".join(sorted(rigs.choices))}'
-                + (f'; the names do not tell whose these are: {labelled}' if labelled else ''))
+                + (f'; the names do not tell the rig of these: {labelled}' if labelled else ''))
         return rigs.choices[0]
 
     def _stream_topics(self, namespace: str) -> dict[str, str]:
@@ -273,37 +258,6 @@ class Contents(Generic[_Sink]):
                     f'several topics, only one of them may be in the bag: '
                     f'{", ".join(sorted(topics))}')
         return {stream: rig[stream][0] for stream in STREAMS if stream in rig}
-
-
-def _record(path: Path, records: list[Metadata]) -> dict[str, str]:
-    """Return the metadata record of this package, checked; empty if there is none."""
-    entries: dict[str, str] = {}
-    for record in records:
-        if record.name == RECORD_NAME:
-            version = record.metadata.get('format_version')
-            if version != FORMAT_VERSION:
-                raise BagError(
-                    f'{path} has the format_version {version!r}, this release reads '
-                    f'{FORMAT_VERSION!r}')
-            entries.update(record.metadata)
-    return entries
-
-
-def _parameters(path: Path, attachments: list[Attachment]) -> dict[str, dict[str, Any]]:
-    """Return the attached parameters by node."""
-    parameters: dict[str, dict[str, Any]] = {}
-    for attachment in attachments:
-        if attachment.name != PARAMETERS_NAME:
-            continue
-        try:
-            nodes = yaml.load(attachment.data, getattr(yaml, 'CSafeLoader', yaml.SafeLoader)) or {}
-            for node, content in nodes.items():
-                parameters.setdefault(node, {}).update(content['ros__parameters'] or {})
-        except (yaml.YAMLError, AttributeError, KeyError, TypeError, ValueError) as error:
-            raise BagError(
-                f'{path}: the attachment {PARAMETERS_NAME} is no ROS parameter file '
-                f'({error})') from error
-    return parameters
 
 
 def _common(

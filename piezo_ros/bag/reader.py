@@ -12,13 +12,13 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Reading of all samples of a run from a bag, whoever recorded it."""
+"""Reading of all samples of a run from a bag, whichever program recorded it."""
 
 from pathlib import Path
 
 from piezo_ros.bag.contents import Contents
-from piezo_ros.bag.run import Run, run_of
-from piezo_ros.bag.stream import Collected, Stream
+from piezo_ros.bag.run import Run, Samples, run_of
+from piezo_ros.bag.sinks import Collected
 
 __all__ = ['read']
 
@@ -30,9 +30,9 @@ def read(
     """
     Read the streams of one run from a bag.
 
-    A stream is a topic of type ``std_msgs/msg/Float64MultiArray`` whose last name component is one
-    of `STREAMS`, or that the record of the bag names, or whose first message is labelled as a
-    block of one (a remapped topic); all other topics are ignored. Log times are not used.
+    A topic of type ``std_msgs/msg/Float64MultiArray`` is a stream if the record of the bag names
+    it, if the last component of its name is one of `STREAMS`, or if its first message has the
+    label of a stream (a remapped topic). Other topics are ignored. Log times are not used.
 
     Parameters
     ----------
@@ -41,11 +41,11 @@ def read(
     namespace : str, optional
         Namespace of the rig; needed only where several rigs are in the bag.
     allow_loss : bool, optional
-        Whether to keep the whole leading part of a damaged bag; what is lost is then named in
-        `Run.lost`. By default a damaged bag is refused.
+        Whether to read a damaged bag up to the damage; `Run.lost` then names the losses. By
+        default a damaged bag is refused.
     keep_not_finite : bool, optional
-        Whether samples that are NaN or infinite belong to the run, for who can leave them out;
-        else they are damage.
+        Whether samples that are NaN or infinite belong to the run, for an analysis that can leave
+        them out; by default they are damage.
 
     Returns
     -------
@@ -61,10 +61,8 @@ def read(
 
     """
     path = Path(path)
-    facts = Contents(
-        path, lambda share: Collected(share=share), keep_not_finite=keep_not_finite).facts(
-        namespace, allow_loss=allow_loss)
+    contents = Contents(path, Collected, keep_not_finite=keep_not_finite)
+    facts = contents.facts(namespace, allow_loss=allow_loss)
     return run_of(path, facts, {
-        stream: Stream(
-            assembler.start_index, assembler.sample_period_s, sink.samples(), assembler.problem)
+        stream: Samples(assembler.start_index, sink.samples())
         for stream, (assembler, sink) in facts.streams.items()})

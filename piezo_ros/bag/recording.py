@@ -12,27 +12,28 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A bag that stays on the disk: looked through once, then read piece by piece as it is needed."""
+"""Runs that stay on the disk: read once to check them, then part by part as needed."""
 
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from piezo_ros.bag.block import STREAMS
-from piezo_ros.bag.container import McapFile
+from piezo_ros.bag.container.mcap_file import McapFile
 from piezo_ros.bag.contents import Contents, Facts, Span
 from piezo_ros.bag.errors import BagError
-from piezo_ros.bag.run import Run, check_part, missing_stream, run_of
-from piezo_ros.bag.stream import Collected, Extremes, Stream, StreamAssembler
+from piezo_ros.bag.run import Run, Samples, check_part, missing_stream, run_of
+from piezo_ros.bag.sinks import Collected, Extremes
+from piezo_ros.bag.stream_assembly import StreamAssembler
 from piezo_ros.bag.topics import array_topic
+from piezo_ros.streams import STREAMS
 
 __all__ = ['Recording', 'StreamSummary', 'open_recording']
 
 
 class StreamSummary(NamedTuple):
     """
-    One stream in short.
+    Summary of one stream.
 
     Attributes
     ----------
@@ -55,10 +56,10 @@ class StreamSummary(NamedTuple):
 @dataclass(frozen=True)
 class Recording:
     """
-    A run in a bag, its samples on the disk.
+    A run in a bag that is read in parts.
 
-    Memory holds what `part` returns, a few chunks of the file, and a hundred bytes for each
-    chunk, however long the run is.
+    The memory holds the part, a few chunks of the file, and a hundred bytes for each chunk, however
+    long the run is.
 
     Attributes
     ----------
@@ -71,7 +72,7 @@ class Recording:
 
     path: Path
     facts: Facts[Extremes]
-    _spans: Mapping[Path, list[Span]]
+    _spans: Mapping[Path, Mapping[int, Span]]
     _files: Mapping[Path, McapFile]
     _keep_not_finite: bool
 
@@ -107,7 +108,7 @@ class Recording:
 
     @property
     def lost(self) -> tuple[str, ...]:
-        """Sentences that say what is missing, as `Run.lost`."""
+        """Sentences that name the losses, as `Run.lost`."""
         return self.facts.lost
 
     @property
@@ -120,7 +121,7 @@ class Recording:
             for stream, (assembler, extremes) in self.facts.streams.items()}
 
     def described(self, metadata: Mapping[str, str]) -> 'Recording':
-        """Return the same recording with other metadata: for bags that say nothing."""
+        """Return the recording with other metadata, for bags that have none."""
         return replace(self, facts=replace(self.facts, metadata=dict(metadata)))
 
     def part(
@@ -134,8 +135,8 @@ class Recording:
         start, stop : int
             Half-open range among the `samples` aligned ones, counted from 0.
         every : int, optional
-            Take one of so many samples, those whose index it divides. The sample period of the
-            run is longer by that factor, its indices count in it.
+            Take one of so many samples, those with an index that it divides. The sample period of
+            the run is longer by that factor, and its indices are divided by it.
         streams : collection of str, optional
             Which streams to read; all by default.
 
@@ -165,8 +166,7 @@ class Recording:
         period_s = self.sample_period_s * every
         return run_of(
             self.path, self.facts,
-            {stream: Stream(first // every, period_s, values, None)
-             for stream, values in samples.items()},
+            {stream: Samples(first // every, values) for stream, values in samples.items()},
             start_index=first // every, samples=len(kept), sample_period_s=period_s)
 
     def pieces(self, samples: int = 1_000_000) -> Iterator[Run]:
@@ -188,24 +188,26 @@ class Recording:
             yield self.part(start, min(start + samples, self.samples))
 
     def _read(self, sinks: Mapping[str, Collected], kept: range) -> None:
-        """Hand the samples to the sinks, out of the pieces of the files that hold them."""
+        """Hand samples to the sinks, from those pieces of the files that hold them."""
         assemblers = {
             self.facts.stream_topics[stream]: StreamAssembler(
                 stream, sink, keep_not_finite=self._keep_not_finite)
             for stream, sink in sinks.items()}
         for path, spans in self._spans.items():
-            needed = [self._needed(span, assemblers, kept) for span in spans]
-            if not any(needed):
+            needed = {
+                position: topics for position, span in spans.items()
+                if (topics := self._needed(span, assemblers, kept))}
+            if not needed:
                 continue
             surveyed = self._files[path]
             file = McapFile(path)
-            # They may stand in a piece that is not read again.
+            # These may be in a piece that is not read again.
             file.schemas.update(surveyed.schemas)
             file.channels.update(surveyed.channels)
             for piece in file.pieces(needed):
                 for number, messages in piece.by_channel():
                     topic = array_topic(file.schemas, file.channels.get(number))
-                    if topic in needed[piece.number]:
+                    if topic is not None and topic in needed.get(piece.position, ()):
                         assemblers[topic].add(piece, messages)
 
     @staticmethod
@@ -213,7 +215,7 @@ class Recording:
         """
         Return the topics of which a piece holds wanted samples.
 
-        Of a topic these pieces follow one another, though others may lie between them.
+        The samples of a topic are contiguous over these pieces, as `StreamAssembler` needs it.
         """
         return frozenset(
             topic for topic, (first, stop) in span.items()
@@ -225,7 +227,7 @@ def open_recording(
     keep_not_finite: bool = False,
 ) -> Recording:
     """
-    Look through a bag without keeping its samples: for runs that are longer than the memory.
+    Open a run that may be larger than the memory: all of it is checked, no sample is kept.
 
     Parameters
     ----------
@@ -235,7 +237,7 @@ def open_recording(
     Returns
     -------
     Recording
-        The run; everything that `read` refuses has been refused.
+        The run.
 
     Raises
     ------
@@ -244,7 +246,7 @@ def open_recording(
 
     """
     path = Path(path)
-    contents = Contents(path, lambda share: Extremes(), keep_not_finite=keep_not_finite)
+    contents = Contents(path, Extremes, keep_not_finite=keep_not_finite)
     return Recording(
         path, contents.facts(namespace, allow_loss=allow_loss), contents.spans, contents.files,
         keep_not_finite)

@@ -17,16 +17,32 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from piezo_ros.bag.contents import Facts
 from piezo_ros.bag.errors import BagError
-from piezo_ros.bag.stream import Stream
 
-__all__ = ['Run', 'check_part', 'missing_stream', 'run_of']
+__all__ = ['Run', 'Samples', 'check_part', 'missing_stream', 'run_of']
+
+
+class Samples(NamedTuple):
+    """
+    Consecutive samples of one stream.
+
+    Attributes
+    ----------
+    start_index : int
+        Index of the first sample.
+    values : ndarray of float64, shape (n,)
+        The samples, in the stream's unit.
+
+    """
+
+    start_index: int
+    values: NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -51,7 +67,7 @@ class Run:
     metadata : dict of str to str
         The metadata record 'piezo_ros'; empty for a foreign recording.
     lost : tuple of str
-        Sentences that say what is missing; empty unless losses were allowed or the bag came from
+        Sentences that name the losses; empty unless losses were allowed or the bag came from
         `salvage`.
     topics : tuple of str
         Names of all topics in the bag.
@@ -67,7 +83,7 @@ class Run:
     metadata: dict[str, str]
     lost: tuple[str, ...]
     topics: tuple[str, ...]
-    _streams: Mapping[str, Stream] = field(repr=False)
+    _streams: Mapping[str, Samples] = field(repr=False)
 
     @property
     def streams(self) -> tuple[str, ...]:
@@ -129,7 +145,7 @@ class Run:
         """
         if stream not in self._streams:
             raise missing_stream(self.path, stream, self.namespace, self.topics)
-        return self._streams[stream].start_index, self._streams[stream].samples
+        return self._streams[stream]
 
     def _aligned(self, stream: str) -> NDArray[np.float64]:
         start, samples = self.whole(stream)
@@ -156,28 +172,28 @@ class Run:
         return replace(
             self, start_index=first, samples=stop - start,
             _streams={
-                stream: Stream(
-                    first, self.sample_period_s, self._aligned(stream)[start:stop], None)
+                stream: Samples(first, self._aligned(stream)[start:stop])
                 for stream in self.streams})
 
 
 def run_of(
-    path: Path, facts: Facts[Any], streams: Mapping[str, Stream], *, start_index: int | None = None,
-    samples: int | None = None, sample_period_s: float | None = None,
+    path: Path, facts: Facts[Any], streams: Mapping[str, Samples], *,
+    start_index: int | None = None, samples: int | None = None,
+    sample_period_s: float | None = None,
 ) -> Run:
     """
-    Return a run out of what is known of a bag and of its samples, or some of them.
+    Return the run in a bag, or a part of it.
 
     Parameters
     ----------
     path : Path
         The bag.
     facts : Facts
-        What is known of it.
-    streams : mapping of str to Stream
+        Everything but the samples.
+    streams : mapping of str to Samples
         The samples.
     start_index, samples, sample_period_s : optional
-        Of the samples, where they are not all.
+        Those of the part; by default those of the whole run.
 
     """
     return Run(

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Rescue of what is whole in a bag that was cut off or damaged."""
+"""Salvage of a bag that was cut off or damaged."""
 
 import struct
 from collections.abc import Iterator
@@ -23,14 +23,13 @@ from typing import Any, Final
 import yaml
 from mcap.records import Attachment, Channel, Metadata
 
-from piezo_ros.bag.chunk_scan import HEAD_BYTES, MESSAGE_HEAD_BYTES
-from piezo_ros.bag.container import McapFile
-from piezo_ros.bag.contents import LOST_KEY
-from piezo_ros.bag.directory import BagDirectory, Topic
+from piezo_ros.bag.container.chunk_scan import HEAD_BYTES, MESSAGE_HEAD_BYTES
+from piezo_ros.bag.container.mcap_file import McapFile
+from piezo_ros.bag.container.rosbag2_files import mcap_files
+from piezo_ros.bag.container.rosbag2_writer import Rosbag2Writer, Topic
+from piezo_ros.bag.description import FORMAT_VERSION, LOST_KEY, RECORD_NAME
 from piezo_ros.bag.errors import BagError
-from piezo_ros.bag.layout import mcap_files
 from piezo_ros.bag.topics import remapped_part
-from piezo_ros.bag.writer import FORMAT_VERSION, RECORD_NAME
 
 __all__ = ['Salvage', 'salvage']
 
@@ -41,7 +40,7 @@ _read_message_head = struct.Struct('<xQHIQQ').unpack_from
 @dataclass(frozen=True)
 class Salvage:
     """
-    What came of a salvage.
+    Result of a salvage.
 
     Attributes
     ----------
@@ -50,7 +49,7 @@ class Salvage:
     messages : dict of str to int
         Topic to number of messages in it.
     lost : tuple of str
-        Sentences that say what could not be recovered; empty if the bag was whole.
+        Sentences that name the losses; empty if the bag was whole.
 
     """
 
@@ -63,9 +62,9 @@ def salvage(path: Path | str, output: Path | str, *, compression: str = 'zstd') 
     """
     Write a new whole bag with everything that is whole in a cut or damaged one.
 
-    All topics are kept, with their log times, and so are metadata and attachments. Of a chunk cut
-    in the middle the whole messages are kept if it is uncompressed, else none. What is lost is
-    also noted in the new bag, where `read` finds it.
+    All topics are kept, with their log times, and so are metadata and attachments. Of a chunk that
+    is cut off the whole messages are kept if it is uncompressed, else none. The losses are also
+    noted in the new bag, where `read` finds them.
 
     Parameters
     ----------
@@ -79,7 +78,7 @@ def salvage(path: Path | str, output: Path | str, *, compression: str = 'zstd') 
     Returns
     -------
     Salvage
-        Counts, and what was lost.
+        Numbers of messages, and the losses.
 
     Raises
     ------
@@ -90,14 +89,15 @@ def salvage(path: Path | str, output: Path | str, *, compression: str = 'zstd') 
 
     """
     files = mcap_files(Path(path))
-    # Read twice, because losses and channels are known at the end but stand at the beginning.
+    # Read twice, because the new bag begins with the losses and the channels, which are known
+    # only at the end.
     survey = _Survey()
     for file in files:
         survey.add(file)
     if not survey.messages:
         raise BagError(f'{path} holds no whole message: {"; ".join(survey.lost)}')
     records = survey.records()
-    with BagDirectory(Path(output), compression=compression, custom_data=records[0]) as bag:
+    with Rosbag2Writer(Path(output), compression=compression, custom_data=records[0]) as bag:
         for record in records:
             if record:
                 bag.add_metadata(RECORD_NAME, record)
@@ -114,7 +114,7 @@ def salvage(path: Path | str, output: Path | str, *, compression: str = 'zstd') 
 
 
 class _Survey:
-    """What is whole in the files of a bag, apart from the messages themselves."""
+    """Everything in the files of a bag but the messages, as far as it is whole."""
 
     def __init__(self) -> None:
         self.topics: dict[str, Topic] = {}
@@ -126,7 +126,7 @@ class _Survey:
         self._remapped: list[dict[str, str]] = []
 
     def add(self, path: Path) -> None:
-        """Look through one file."""
+        """Add the content of one file."""
         file = McapFile(path)
         nameless = 0
         for name, *_ in _messages(file):
@@ -149,7 +149,7 @@ class _Survey:
             elif metadata.name != _ROSBAG2_RECORD and metadata not in self.metadata:
                 self.metadata.append(metadata)
         for attachment in file.attachments:
-            # Once, where it came last: later ones override.
+            # Of equal attachments the last is kept, because later ones override earlier ones.
             self.attachments = [other for other in self.attachments if other != attachment]
             self.attachments.append(attachment)
 
@@ -169,8 +169,8 @@ class _Survey:
         """
         Return the metadata records of this package for the new bag.
 
-        One, empty if it needs none; after it, if the bag was put together of several rigs, what
-        each says of its topics.
+        The first may be empty. Where the bag was put together of several rigs, a record with the
+        topics of each rig follows.
         """
         record = dict(self._own)
         several = self._remapped if len(self._remapped) > 1 else []

@@ -27,8 +27,8 @@ from typing import Final, NamedTuple
 
 from mcap.records import Channel, Metadata, Schema
 
-from piezo_ros.bag.block import STREAMS
-from piezo_ros.bag.message_type import TYPE_NAME
+from piezo_ros.streams import STREAMS
+from piezo_ros.streams.message_type import TYPE_NAME
 
 __all__ = [
     'NAMESPACE_KEY',
@@ -65,7 +65,7 @@ def array_topic(schemas: Mapping[int, Schema], channel: Channel | None) -> str |
 
 def check_topics(topics: Mapping[str, str], namespace: str | None) -> None:
     """
-    Refuse what a bag cannot hold.
+    Refuse topics and namespaces that a bag cannot hold.
 
     Raises
     ------
@@ -91,19 +91,19 @@ def check_topics(topics: Mapping[str, str], namespace: str | None) -> None:
 
 def remapped_entries(topics: Mapping[str, str], namespace: str | None) -> dict[str, str]:
     """
-    Return what the metadata record must say of topics.
+    Return the entries of the metadata record that tell where remapped streams are.
 
     Parameters
     ----------
     topics : mapping of str to str
         Stream to topic.
     namespace : str or None
-        Namespace of the rig; None for what the topics have in common.
+        Namespace of the rig; None for the longest one that the topics have in common.
 
     Returns
     -------
     dict of str to str
-        Empty where the names tell everything.
+        Empty where the topics tell their streams by name.
 
     """
     if namespace is None:
@@ -124,7 +124,7 @@ def remapped_part(record: Mapping[str, str]) -> dict[str, str]:
 
 
 def named_topics(records: Iterable[Metadata]) -> dict[str, Place]:
-    """Return the topics that metadata records of this package name, later records first of all."""
+    """Return the topics that metadata records of this package name; later records win."""
     return {
         name: Place(record.metadata.get(NAMESPACE_KEY, '/'), key[len(TOPIC_KEY):])
         for record in records for key, name in record.metadata.items()
@@ -135,25 +135,28 @@ class Rigs:
     """
     The streams of a bag by rig.
 
-    A topic that the record names, or whose last component is its stream, is where it says. One
-    that only its blocks tell belongs to the one rig there is, provided no other topic carries this
-    stream; else it counts as one of a rig in the namespace of its own name.
+    A topic that the record names belongs to the rig that the record names. Any other topic belongs
+    to the rig in the namespace of its own name if its last component is the name of its stream. A
+    topic that only the label of its blocks identifies belongs to the one rig that there is,
+    provided that no other topic carries this stream; else it counts as a stream of a rig in the
+    namespace of its own name.
 
     Parameters
     ----------
     streams : mapping of str to str
         Topic to the stream that its blocks are of.
     named : mapping of str to Place
-        What `named_topics` says.
+        As returned by `named_topics`.
 
     Attributes
     ----------
     topics : dict of str to dict
-        Namespace to its streams, and these to their topics: one each, unless it is not clear.
+        Namespace to its streams, and these to their topics; several topics where it is not clear
+        which of them carries the stream.
     choices : list of str
-        Namespaces that are not merely copies of streams which others have under their names.
+        Namespaces to choose from, without those that only repeat streams of other namespaces.
     labelled : list of str
-        The topics that only their blocks tell.
+        The topics that only the label of their blocks identifies.
 
     """
 
@@ -183,7 +186,7 @@ class Rigs:
         self.topics.setdefault(namespace, {}).setdefault(stream, []).append(topic)
 
     def _copies(self, labelled: set[str]) -> set[str]:
-        """Return the namespaces of copies: a rig may be called so too."""
+        """Return the namespaces of copies for a recorder; a rig may have such a name too."""
         return {
             namespace for namespace, own in self.topics.items() if namespace.endswith(_COPIES)
             and (_parent(namespace) in self.topics or labelled & own.keys())}
@@ -191,14 +194,15 @@ class Rigs:
     def _put_labelled(
         self, streams: Mapping[str, str], clear: set[str], rigs: set[str],
     ) -> None:
-        """Find a namespace for each topic that only its blocks tell."""
+        """Find a namespace for each topic that only the label of its blocks identifies."""
         counts = Counter(streams[topic] for topic in self.labelled)
         common = _common_parent(self.labelled)
         one_rig = not rigs and all(count == 1 for count in counts.values())
         for topic in self.labelled:
             stream, parent = streams[topic], _parent(topic)
             if stream in clear:
-                # The same once more, as a relay gives it, unless the rig of this name lacks it.
+                # A repetition, as topic_tools relay publishes it, unless the rig in this namespace
+                # lacks the stream.
                 if stream not in self.topics.get(parent, {}) or parent not in rigs:
                     self._put(parent, stream, topic)
             elif counts[stream] == 1 and len(rigs) == 1:

@@ -23,17 +23,15 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from piezo_ros.bag.block import STREAMS, BlockCodec
-from piezo_ros.bag.directory import BagDirectory, Topic
+from piezo_ros.bag.container.rosbag2_writer import Rosbag2Writer, Topic
+from piezo_ros.bag.description import PARAMETERS_NAME, RECORD_NAME, checked_metadata
 from piezo_ros.bag.errors import BagError
-from piezo_ros.bag.message_type import DEFINITION, STREAM_QOS, TYPE_HASH, TYPE_NAME
-from piezo_ros.bag.topics import NAMESPACE_KEY, TOPIC_KEY, check_topics, remapped_entries
+from piezo_ros.bag.topics import check_topics, remapped_entries
+from piezo_ros.streams import STREAMS, BlockCodec
+from piezo_ros.streams.message_type import DEFINITION, STREAM_QOS, TYPE_HASH, TYPE_NAME
 
-__all__ = ['FORMAT_VERSION', 'PARAMETERS_NAME', 'RECORD_NAME', 'BagWriter']
+__all__ = ['BagWriter']
 
-FORMAT_VERSION: Final = '1'
-RECORD_NAME: Final = 'piezo_ros'
-PARAMETERS_NAME: Final = 'parameters.yaml'
 _NANOSECONDS_PER_SECOND: Final = 1e9
 
 
@@ -42,8 +40,8 @@ class BagWriter:
     Writer of one run: a rosbag2 directory with its streams, its metadata and its parameters.
 
     The log time of a block is the simulated time of its first sample, index times sample period.
-    The same calls give the same bytes: no clock is read. The channels are those of `topics`, in
-    the order of `STREAMS`, whatever arrives first or never.
+    The same calls give the same bytes: no clock is read. Each of `topics` has a channel, in the
+    order of `STREAMS`, also one that is never written to.
 
     Parameters
     ----------
@@ -81,8 +79,8 @@ class BagWriter:
     ) -> None:
         names = {stream: f'/{stream}' for stream in STREAMS} if topics is None else topics
         check_topics(names, namespace)
-        record = {**_record(metadata or {}), **remapped_entries(names, namespace)}
-        self._bag = BagDirectory(directory, compression=compression, custom_data=record)
+        record = {**checked_metadata(metadata or {}), **remapped_entries(names, namespace)}
+        self._bag = Rosbag2Writer(directory, compression=compression, custom_data=record)
         # Ahead of the first chunk, so that they outlive a cut of the file anywhere behind.
         self._bag.add_metadata(RECORD_NAME, record)
         self._streams: dict[str, tuple[int, BlockCodec]] = {}
@@ -115,17 +113,17 @@ class BagWriter:
 
     def describe(self, metadata: Mapping[str, str], yaml_text: str | None = None) -> None:
         """
-        Say more of the run, or other than before: what was learned after the bag was begun.
+        Add to the description of the run, or correct it, after the bag was begun.
 
-        It stands behind what is written by now, and a later cut of the file may lose it.
+        The addition stands behind the blocks written so far: a cut of the file may lose it.
 
         Parameters
         ----------
         metadata : mapping of str to str
-            Entries of the metadata record 'piezo_ros'; those of the same name give way to them.
+            Entries of the metadata record 'piezo_ros'; they replace those of the same name.
         yaml_text : str, optional
-            A ROS parameter file, as `attach_parameters` takes it, of which each parameter takes
-            the place of what was said before.
+            A ROS parameter file, as `attach_parameters` takes it; its parameters replace those of
+            the same name.
 
         Raises
         ------
@@ -135,7 +133,7 @@ class BagWriter:
             If the writer is closed, or the disk is full or fails.
 
         """
-        record = _record(metadata)
+        record = checked_metadata(metadata)
         self._check_open()
         self._bag.add_metadata(RECORD_NAME, record)
         self._bag.add_custom_data(record)
@@ -144,7 +142,7 @@ class BagWriter:
 
     def write(self, stream: str, raw: bytes) -> None:
         """
-        Write one serialized block (hot path: the block is taken for valid, its numbers unread).
+        Write one serialized block (hot path: layout and samples are not checked).
 
         Parameters
         ----------
@@ -161,14 +159,12 @@ class BagWriter:
             If the writer is closed, the stream is not in `topics`, or the disk is full or fails.
 
         """
+        if stream not in self._streams:
+            raise self._missing(stream)
+        channel, codec = self._streams[stream]
         try:
-            channel, codec = self._streams[stream]
             index, sample_period_s = codec.index_and_period(raw)
             time_ns = round(index * sample_period_s * _NANOSECONDS_PER_SECOND)
-        except KeyError:
-            raise BagError(
-                f'stream {stream!r} is not in this bag, which has '
-                f'{", ".join(self._streams)}') from None
         except (struct.error, ValueError, OverflowError):
             codec.decode(raw)  # names what is wrong
             raise
@@ -204,7 +200,7 @@ class BagWriter:
 
         """
         if stream not in self._streams:
-            self.write(stream, b'')
+            raise self._missing(stream)
         codec = self._streams[stream][1]
         self.write(stream, codec.encode(index, sample_period_s, samples))
 
@@ -212,8 +208,7 @@ class BagWriter:
         """
         Hand everything written so far to the operating system, as whole chunks.
 
-        A recorder killed later loses at most what it wrote after this call.
-
+        A recorder that is killed later loses at most the blocks that it wrote after this call.
         """
         self._check_open()
         self._bag.flush()
@@ -232,19 +227,13 @@ class BagWriter:
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        """Close the writer, so that what was written before an error is a whole bag."""
+        """Close the writer, so that the bag is whole up to an error."""
         self.close()
+
+    def _missing(self, stream: str) -> BagError:
+        return BagError(
+            f'stream {stream!r} is not in this bag, which has {", ".join(self._streams)}')
 
     def _check_open(self) -> None:
         if self._bag.closed:
             raise BagError(f'the writer of {self._bag.path} is closed')
-
-
-def _record(metadata: Mapping[str, str]) -> dict[str, str]:
-    """Return the entries of a metadata record, checked, with the writer's own."""
-    for key, value in metadata.items():
-        if not isinstance(value, str):
-            raise ValueError(f'metadata entry {key!r} is {value!r}, it must be a string')
-        if key in ('format_version', NAMESPACE_KEY) or key.startswith(TOPIC_KEY):
-            raise ValueError(f"metadata entry {key!r} is the writer's own")
-    return {**metadata, 'format_version': FORMAT_VERSION}

@@ -31,10 +31,10 @@ from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension, String, UInt64
 
 from piezo_ros.bag import STREAMS
-from piezo_ros.bag.block import Block, MalformedBlockError, block_from_message_fields
 from piezo_ros.nodes.leaving import destroy_after_others
 from piezo_ros.nodes.middleware import set_middleware_defaults
 from piezo_ros.nodes.qos import EVERY_STATUS, LATCHED, STREAM
+from piezo_ros.streams import Block, MalformedBlockError, block_from_message_fields
 
 __all__ = ['OutputLog', 'Probe', 'block_message', 'wait_for']
 

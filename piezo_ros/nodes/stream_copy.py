@@ -23,8 +23,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from piezo_ros.bag.block import BlockCodec
 from piezo_ros.nodes.outlet import Outlet
+from piezo_ros.streams import BlockCodec
 
 if TYPE_CHECKING:
     from piezo_ros.nodes.stage import Stage

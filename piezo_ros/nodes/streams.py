@@ -32,19 +32,19 @@ from rclpy.publisher import Publisher
 from rclpy.serialization import deserialize_message
 from std_msgs.msg import Float64MultiArray
 
-from piezo_ros.bag.block import (
-    ArrayBlock,
-    BlockCodec,
-    MalformedBlockError,
-    OtherEncodingError,
-    block_from_message_fields,
-)
 from piezo_ros.nodes.outlet import Outlet
 from piezo_ros.nodes.qos import STREAM
 from piezo_ros.nodes.run_fence import RunFence
 from piezo_ros.nodes.running_time import RunningTime
 from piezo_ros.nodes.sample_queue import SampleQueue
 from piezo_ros.nodes.stream_copy import StreamCopy
+from piezo_ros.streams import (
+    ArrayBlock,
+    BlockCodec,
+    MalformedBlockError,
+    OtherEncodingError,
+    block_from_message_fields,
+)
 
 if TYPE_CHECKING:
     from piezo_ros.nodes.stage import Stage

@@ -22,7 +22,7 @@ import pytest
 from mcap.writer import CompressionType, IndexType, Writer
 
 from piezo_ros.bag import STREAMS, BagWriter, BlockCodec
-from piezo_ros.bag.message_type import DEFINITION, TYPE_HASH, TYPE_NAME
+from piezo_ros.streams.message_type import DEFINITION, TYPE_HASH, TYPE_NAME
 
 SAMPLE_PERIOD_S = 1e-5
 STRING_HASH = 'RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18'

@@ -317,7 +317,7 @@ def test_a_flipped_bit_in_the_parameters_is_noticed(tmp_path, write_run):
     write_run(tmp_path / 'bag')
     file = tmp_path / 'bag' / 'bag_0.mcap'
     file.write_bytes(file.read_bytes().replace(b'seed: 7', b'seed: 8', 1))
-    with pytest.raises(BagError, match='attachment whose checksum'):
+    with pytest.raises(BagError, match='attachment with a wrong checksum'):
         read(tmp_path / 'bag')
     assert read(tmp_path / 'bag', allow_loss=True).parameters == {}
 

@@ -21,8 +21,8 @@ import numpy as np
 import pytest
 
 from piezo_ros.bag import STREAMS, BagError, BagWriter, BlockCodec, open_recording, read
-from piezo_ros.bag.container import McapFile
-from piezo_ros.bag.directory import plain_yaml
+from piezo_ros.bag.container import mcap_file
+from piezo_ros.bag.container.rosbag2_writer import plain_yaml
 
 PERIOD_S = 1e-5
 
@@ -84,13 +84,13 @@ def test_the_pieces_together_are_the_run(bag):
 def test_only_the_chunks_that_are_needed_are_decompressed(bag, monkeypatch):
     recording = open_recording(bag)
     opened = []
-    uncompressed = McapFile._uncompressed
+    decompress = mcap_file.get_chunk_data_stream
 
-    def watched(self, position, body):
-        opened.append(position)
-        return uncompressed(self, position, body)
+    def watched(chunk, **options):
+        opened.append(chunk)
+        return decompress(chunk, **options)
 
-    monkeypatch.setattr(McapFile, '_uncompressed', watched)
+    monkeypatch.setattr(mcap_file, 'get_chunk_data_stream', watched)
     recording.part(0, 1000)
     everything = len(opened)
     opened.clear()

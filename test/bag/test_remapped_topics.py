@@ -22,8 +22,8 @@ from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 
 from piezo_ros.bag import STREAMS, BagError, BagWriter, BlockCodec, open_recording, read, salvage
-from piezo_ros.bag.message_type import DEFINITION, TYPE_NAME
 from piezo_ros.bag.topics import remapped_entries
+from piezo_ros.streams.message_type import DEFINITION, TYPE_NAME
 
 REMAPPED = {
     **{stream: f'/rig/{stream}' for stream in STREAMS},
@@ -274,7 +274,7 @@ def test_what_is_not_clear_is_refused_by_name(tmp_path, run_samples, blocks_of, 
     record_foreign(tmp_path / 'two.mcap', two)
     with pytest.raises(BagError, match=(
             r'several namespaces, say which: /a, /b, /stage_a, /stage_b; the names do not tell '
-            r'whose these are: /stage_a/position \(displacement\), '
+            r'the rig of these: /stage_a/position \(displacement\), '
             r'/stage_b/position \(displacement\)')):
         read(tmp_path / 'two.mcap')
     assert read(tmp_path / 'two.mcap', namespace='/a').streams == tuple(STREAMS)[:-1]

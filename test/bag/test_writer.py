@@ -36,7 +36,7 @@ from piezo_ros.bag import (
     MalformedBlockError,
     read,
 )
-from piezo_ros.bag.message_type import TYPE_HASH, TYPE_NAME
+from piezo_ros.streams.message_type import TYPE_HASH, TYPE_NAME
 
 COMPRESSIONS = ['zstd', 'lz4', 'none']
 ROOT = Path(__file__).parents[2]

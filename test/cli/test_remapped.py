@@ -21,11 +21,11 @@ import yaml
 from mcap.writer import Writer
 
 from piezo_ros.bag import STREAMS, BagWriter, BlockCodec, read
-from piezo_ros.bag.message_type import DEFINITION, TYPE_NAME
 from piezo_ros.cli.main import main
 from piezo_ros.experiment.offline import simulate_run
 from piezo_ros.experiment.plan import read_plan
 from piezo_ros.experiment.provenance import parameters_yaml, run_metadata
+from piezo_ros.streams.message_type import DEFINITION, TYPE_NAME
 
 TOPICS = {
     **{stream: f'/rig/{stream}' for stream in STREAMS},

@@ -26,7 +26,6 @@ from rosbags.rosbag2 import Writer as RosbagsWriter
 from rosbags.typesys import Stores, get_typestore
 
 from piezo_ros.bag import STREAMS, BagWriter, BlockCodec
-from piezo_ros.bag.message_type import DEFINITION, TYPE_HASH, TYPE_NAME
 from piezo_ros.cli.main import main
 from piezo_ros.control import (
     ControllerParameters,
@@ -36,6 +35,7 @@ from piezo_ros.control import (
 )
 from piezo_ros.experiment.provenance import parameters_yaml
 from piezo_ros.model import HysteresisParameters, RigParameters
+from piezo_ros.streams.message_type import DEFINITION, TYPE_HASH, TYPE_NAME
 
 PERIOD_S = 1e-5
 BLOCK_SAMPLES = 300

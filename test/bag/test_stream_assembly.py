@@ -14,6 +14,7 @@
 
 import struct
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -21,11 +22,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from piezo_ros.bag import BlockCodec
-from piezo_ros.bag.chunk_scan import scan
-from piezo_ros.bag.container import Piece
-from piezo_ros.bag.stream import Collected, Stream, StreamAssembler
+from piezo_ros.bag.container.chunk_scan import scan
+from piezo_ros.bag.container.mcap_file import Piece
+from piezo_ros.bag.sinks import Collected
+from piezo_ros.bag.stream_assembly import StreamAssembler
 
 PERIOD_S = 1e-5
+
+
+class Assembled(NamedTuple):
+    start_index: int
+    sample_period_s: float
+    samples: np.ndarray
+    problem: str | None
 
 
 def _piece(raws):
@@ -39,7 +48,7 @@ def _assembled(pieces, kept=None):
     assembler = StreamAssembler('voltage', samples)
     for piece in pieces:
         assembler.add(piece, piece.messages)
-    return Stream(
+    return Assembled(
         assembler.start_index, assembler.sample_period_s, samples.samples(), assembler.problem)
 
 

@@ -13,80 +13,36 @@
 # limitations under the License.
 
 """
-Blocks of consecutive samples as serialized ``std_msgs/Float64MultiArray``.
+Serialization of blocks: little-endian CDR of ``std_msgs/Float64MultiArray`` and back.
 
-One block carries N samples of one stream; the two leading numbers of ``data`` are the index of the
-first sample and the sample period, padding in the sense of ``layout.data_offset``. N = 0 ends a
-stream and its index is the number of samples sent. This module turns blocks into little-endian CDR
-and back with ``struct`` and ``numpy`` alone, some thirty times faster than the typed message.
+`struct` and `numpy` alone do it, some thirty times faster than the typed message.
 """
 
 import math
 import struct
 from collections.abc import Sequence
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = [
-    'STREAMS',
-    'ArrayBlock',
-    'Block',
-    'BlockCodec',
-    'MalformedBlockError',
-    'OtherEncodingError',
-    'block_from_message_fields',
-    'labelled_stream',
-]
+from piezo_ros.streams.block import (
+    HEADER_NUMBERS,
+    MAXIMUM_INDEX,
+    ArrayBlock,
+    Block,
+    MalformedBlockError,
+    block_from_message_fields,
+)
+from piezo_ros.streams.names import label_of, stream_with_label
 
-# Stream (topic) name -> unit of its samples; the label of a block is '<topic>_<unit>'.
-STREAMS: Final = {
-    'reference': 'um',
-    'feedforward': 'um',
-    'command': 'um',
-    'voltage': 'v',
-    'displacement': 'um',
-}
-_MAXIMUM_INDEX: Final = 2**53
-_HEADER_SAMPLES: Final = 2  # layout.data_offset: index and sample period
+__all__ = ['BlockCodec', 'OtherEncodingError', 'labelled_stream']
+
 _ENCAPSULATION: Final = b'\x00\x01\x00\x00'  # CDR, little-endian
 
 
-class MalformedBlockError(ValueError):
-    """A message that is no valid block; the text names the field, its value and what is allowed."""
-
-
 class OtherEncodingError(MalformedBlockError):
-    """A message in an encoding that this module does not read; the middleware may."""
-
-
-class Block(NamedTuple):
-    """
-    N consecutive samples of one stream.
-
-    Attributes
-    ----------
-    index : int
-        Index of the first sample; the count of samples sent when N = 0.
-    sample_period_s : float
-        Sample period, seconds.
-    samples : tuple of float
-        The N samples, in the stream's unit; empty at the end of the stream.
-
-    """
-
-    index: int  # type: ignore[assignment]  # hides tuple.index, which blocks do not need
-    sample_period_s: float
-    samples: tuple[float, ...]
-
-
-class ArrayBlock(NamedTuple):
-    """A `Block` with its samples as an array."""
-
-    index: int  # type: ignore[assignment]
-    sample_period_s: float
-    samples: NDArray[np.float64]
+    """A message in an encoding that only the middleware may read, not `BlockCodec`."""
 
 
 class BlockCodec:
@@ -106,10 +62,8 @@ class BlockCodec:
     """
 
     def __init__(self, stream: str) -> None:
-        if stream not in STREAMS:
-            raise ValueError(f'stream {stream!r} is none of {", ".join(STREAMS)}')
         self.stream = stream
-        self.label = f'{stream}_{STREAMS[stream]}'
+        self.label = label_of(stream)
         text = self.label.encode() + b'\x00'
         self._label_head = _ENCAPSULATION + struct.pack('<II', 1, len(text)) + text
         # Typed publishers leave garbage in the padding, so it is skipped, never compared.
@@ -124,7 +78,7 @@ class BlockCodec:
         self._unpack_pair = struct.Struct('<2d').unpack_from
 
     def _head(self, samples: int) -> bytes:
-        layout = struct.pack('<4I', samples, samples, _HEADER_SAMPLES, samples + _HEADER_SAMPLES)
+        layout = struct.pack('<4I', samples, samples, HEADER_NUMBERS, samples + HEADER_NUMBERS)
         head = self._label_head.ljust(self._layout_offset, b'\x00') + layout
         return head.ljust(self._data_offset, b'\x00')
 
@@ -159,12 +113,12 @@ class BlockCodec:
 
     @property
     def single(self) -> tuple[bytes, struct.Struct]:
-        """What `encode_one` puts first, and the layout of what follows: index, period, sample."""
+        """Bytes ahead of the numbers of a block of one sample, and the layout of its numbers."""
         return self._single_head, struct.Struct('<3d')
 
     def header(self, samples: int) -> tuple[bytes, bytes]:
         """
-        Return what precedes the numbers in a little-endian block.
+        Return the bytes that precede the numbers of a little-endian block.
 
         Parameters
         ----------
@@ -175,7 +129,7 @@ class BlockCodec:
         -------
         header, mask : bytes, bytes
             The bytes up to the first number, and a mask of the same length: 0xff where these bytes
-            matter, 0 where they are options or padding that a publisher may leave at anything.
+            matter, 0 where they are options or padding, which may have any value.
 
         """
         mask = bytearray(b'\xff' * self._data_offset)
@@ -187,7 +141,7 @@ class BlockCodec:
 
     def index_and_period(self, raw: bytes) -> tuple[float, float]:
         """
-        Return index and sample period, seconds, of a block taken for valid (hot path).
+        Return index and sample period, seconds, of a block (hot path, numbers not checked).
 
         Parameters
         ----------
@@ -233,61 +187,32 @@ class BlockCodec:
             and raw[self._layout_offset:self._length_offset + 4] == self._single_layout
         ):
             index, period, sample = self._unpack_single(raw, self._data_offset)
-            # The sum is finite only where both are; index and period are checked by comparison.
+            # A sample minus itself is zero only where it is finite.
             if sample - sample == 0.0 and period > 0.0 and index % 1.0 == 0.0 and 0.0 <= index:
-                if index < _MAXIMUM_INDEX and period < math.inf:
+                if index < MAXIMUM_INDEX and period < math.inf:
                     return Block(int(index), period, (sample,))
         index, period, samples = self.decode_array(raw)
         return Block(index, period, tuple(samples.tolist()))
 
     def decode_array(self, raw: bytes) -> ArrayBlock:
-        """Return what `decode` does, the samples as an array."""
+        """Return the block as `decode` does, its samples as an array."""
         label, size, stride, offset, data = _parse(raw)
         if label != self.label:
             raise MalformedBlockError(
                 f'layout.dim[0].label is {label!r}, the stream {self.stream!r} needs '
                 f'{self.label!r}')
-        return _checked(label, size, stride, offset, data)
-
-
-def block_from_message_fields(
-    label: str, size: int, stride: int, data_offset: int, data: NDArray[np.float64],
-) -> ArrayBlock:
-    """
-    Return the block held by the fields of a typed message.
-
-    Parameters
-    ----------
-    label, size, stride : str, int, int
-        The fields of ``layout.dim[0]``.
-    data_offset : int
-        The field ``layout.data_offset``.
-    data : ndarray of float64, shape (N + 2,)
-        The field ``data``.
-
-    Returns
-    -------
-    ArrayBlock
-        The checked block.
-
-    Raises
-    ------
-    MalformedBlockError
-        As `BlockCodec.decode`.
-
-    """
-    return _checked(label, size, stride, data_offset, np.asarray(data, dtype=np.float64))
+        return block_from_message_fields(label, size, stride, offset, data)
 
 
 def labelled_stream(raw: bytes) -> str | None:
-    """Return the stream that a serialized block is labelled with, None if this is no block."""
+    """Return the stream that the label of a serialized block names, None if this is no block."""
     try:
         label, size, _, offset, data = _parse(raw)
     except MalformedBlockError:
         return None
-    if offset != _HEADER_SAMPLES or data.size != size + _HEADER_SAMPLES:
+    if offset != HEADER_NUMBERS or data.size != size + HEADER_NUMBERS:
         return None
-    return next((name for name, unit in STREAMS.items() if label == f'{name}_{unit}'), None)
+    return stream_with_label(label)
 
 
 def _parse(raw: bytes) -> tuple[str, int, int, int, NDArray[np.float64]]:
@@ -313,33 +238,3 @@ def _parse(raw: bytes) -> tuple[str, int, int, int, NDArray[np.float64]]:
             raise
         raise MalformedBlockError(f'message of {len(raw)} bytes ends early: {error}') from None
     return label, size, stride, offset, data.astype(np.float64, copy=False)
-
-
-def _checked(
-    label: str, size: int, stride: int, data_offset: int, data: NDArray[np.float64],
-) -> ArrayBlock:
-    if data_offset != _HEADER_SAMPLES:
-        raise MalformedBlockError(
-            f'layout.data_offset of {label!r} is {data_offset}, a block has {_HEADER_SAMPLES} '
-            '(index and sample period)')
-    if data.size != size + _HEADER_SAMPLES:
-        raise MalformedBlockError(
-            f'data of {label!r} holds {data.size} numbers, layout.dim[0].size {size} needs '
-            f'{size + _HEADER_SAMPLES}')
-    if stride != size:
-        raise MalformedBlockError(
-            f'layout.dim[0].stride of {label!r} is {stride}, it must equal the size {size}')
-    index, period = float(data[0]), float(data[1])
-    if not (0.0 <= index < _MAXIMUM_INDEX and index == int(index)):
-        raise MalformedBlockError(
-            f'index (data[0]) of {label!r} is {index}, allowed are integers in 0 … 2**53 - 1')
-    if not 0.0 < period < math.inf:
-        raise MalformedBlockError(
-            f'sample period (data[1]) of {label!r} is {period} s, it must be positive and finite')
-    samples = data[_HEADER_SAMPLES:]
-    finite = np.isfinite(samples)
-    if not finite.all():
-        first = int(np.argmin(finite))
-        raise MalformedBlockError(
-            f'sample {int(index) + first} of {label!r} is {samples[first]}, it must be finite')
-    return ArrayBlock(int(index), period, samples)

@@ -15,7 +15,7 @@
 import numpy as np
 import pytest
 
-from piezo_ros.bag.block import STREAMS, BlockCodec, MalformedBlockError
+from piezo_ros.streams import STREAMS, BlockCodec, MalformedBlockError
 
 
 @pytest.mark.parametrize('stream', STREAMS)

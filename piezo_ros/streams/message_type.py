@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a bag has to say about ``std_msgs/msg/Float64MultiArray``, the type of every stream."""
+"""``std_msgs/msg/Float64MultiArray``, the message type of every stream, as bags describe it."""
 
 from typing import Any, Final
 
@@ -38,7 +38,7 @@ uint32 stride
 """
 
 _INFINITE: Final = {'sec': 9223372036, 'nsec': 854775807}
-# Reliable and KEEP_ALL: what the stages of the loop offer, and what a replay has to offer again.
+# Reliable and KEEP_ALL, as the nodes offer their streams and as a replay must offer them again.
 # rosbag2 refuses a profile that lacks any of the nine keys.
 STREAM_QOS: Final[list[dict[str, Any]]] = [{
     'history': 'keep_all',

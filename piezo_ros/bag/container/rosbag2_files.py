@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Where the MCAP files of a bag are."""
+"""Search for the MCAP files of a bag."""
 
 import re
 from pathlib import Path

@@ -15,7 +15,7 @@
 """
 Writing of a rosbag2 directory: one MCAP file and the ``metadata.yaml`` of version 9.
 
-Nothing here knows of streams and blocks; any topic of any type can be written. No clock is read and
+Topics of any type can be written. No clock is read and
 no version of a library is written, so that the same calls give the same bytes.
 """
 
@@ -31,7 +31,7 @@ from mcap.writer import CompressionType, Writer
 
 from piezo_ros.bag.errors import BagError, BagExistsError
 
-__all__ = ['COMPRESSIONS', 'BagDirectory', 'Topic', 'plain_yaml']
+__all__ = ['COMPRESSIONS', 'Rosbag2Writer', 'Topic', 'plain_yaml']
 
 COMPRESSIONS: Final = {
     'zstd': CompressionType.ZSTD,
@@ -45,7 +45,7 @@ _UNKNOWN_DISTRIBUTION: Final = 'unknown'  # where no ROS is sourced
 
 class Topic(NamedTuple):
     """
-    What a bag says about one topic.
+    Description of one topic in a bag.
 
     Attributes
     ----------
@@ -70,17 +70,9 @@ class Topic(NamedTuple):
     qos: list[dict[str, Any]]
 
 
-class _Channel:
-    """Counts of one channel."""
-
-    def __init__(self, topic: Topic) -> None:
-        self.topic = topic
-        self.messages = 0
-
-
-class BagDirectory:
+class Rosbag2Writer:
     """
-    A rosbag2 directory open for writing.
+    Writer of a rosbag2 directory.
 
     Parameters
     ----------
@@ -111,7 +103,8 @@ class BagDirectory:
         self.path = Path(directory)
         self.file_path = self.path / f'{self.path.resolve().name}_0.mcap'
         self._custom_data = dict(custom_data)
-        self._channels: list[_Channel] = []
+        self._topics: list[Topic] = []
+        self._messages: list[int] = []  # of each topic
         self._schemas: dict[tuple[str, str, str], int] = {}
         self._first_ns = _MAXIMUM_TIME_NS
         self._last_ns = 0
@@ -153,7 +146,8 @@ class BagDirectory:
         if key not in self._schemas:
             self._schemas[key] = self._writer.register_schema(
                 topic.type_name, topic.definition_encoding, topic.definition.encode())
-        self._channels.append(_Channel(topic))
+        self._topics.append(topic)
+        self._messages.append(0)
         return self._writer.register_channel(
             topic.name, topic.serialization, self._schemas[key],
             {
@@ -191,7 +185,7 @@ class BagDirectory:
             self._first_ns = log_time_ns
         if log_time_ns > self._last_ns:
             self._last_ns = log_time_ns
-        self._channels[channel - 1].messages += 1
+        self._messages[channel - 1] += 1
         try:
             self._writer.add_message(channel, log_time_ns, data, publish_time_ns)
         except OSError as error:
@@ -217,8 +211,8 @@ class BagDirectory:
             unfinished.write_text(text, encoding='utf-8')
             os.replace(unfinished, self.path / 'metadata.yaml')
 
-    def __enter__(self) -> 'BagDirectory':
-        """Return the directory."""
+    def __enter__(self) -> 'Rosbag2Writer':
+        """Return the writer."""
         return self
 
     def __exit__(
@@ -227,12 +221,12 @@ class BagDirectory:
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        """Close the directory, so that what was written before an error is a whole bag."""
+        """Close the writer, so that the bag is whole up to an error."""
         self.close()
 
     def _information(self) -> dict[str, Any]:
         """Return the body of ``metadata.yaml``; rosbag2 needs every one of these keys."""
-        messages = sum(channel.messages for channel in self._channels)
+        messages = sum(self._messages)
         start_ns = self._first_ns if messages else 0
         starting_time = {'nanoseconds_since_epoch': start_ns}
         duration = {'nanoseconds': self._last_ns - start_ns}
@@ -245,15 +239,15 @@ class BagDirectory:
             'topics_with_message_count': [
                 {
                     'topic_metadata': {
-                        'name': channel.topic.name,
-                        'type': channel.topic.type_name,
-                        'serialization_format': channel.topic.serialization,
-                        'offered_qos_profiles': channel.topic.qos,
-                        'type_description_hash': channel.topic.type_hash,
+                        'name': topic.name,
+                        'type': topic.type_name,
+                        'serialization_format': topic.serialization,
+                        'offered_qos_profiles': topic.qos,
+                        'type_description_hash': topic.type_hash,
                     },
-                    'message_count': channel.messages,
+                    'message_count': count,
                 }
-                for channel in self._channels
+                for topic, count in zip(self._topics, self._messages, strict=True)
             ],
             'compression_format': '',
             'compression_mode': '',
@@ -270,7 +264,7 @@ class BagDirectory:
 
 
 class _PlainDumper(getattr(yaml, 'CSafeDumper', yaml.SafeDumper)):  # type: ignore[misc]
-    """Dumper that repeats equal parts instead of writing anchors, which not every reader knows."""
+    """Dumper that repeats equal parts in place of anchors, which some readers do not know."""
 
     def ignore_aliases(self, data: object) -> bool:
         return True

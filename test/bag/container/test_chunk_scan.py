@@ -18,7 +18,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from piezo_ros.bag.chunk_scan import scan
+from piezo_ros.bag.container.chunk_scan import scan
 
 MESSAGE = 0x05
 
@@ -28,7 +28,7 @@ def _record(opcode, body):
 
 
 messages = st.binary(min_size=22, max_size=60).map(lambda body: _record(MESSAGE, body))
-# A record that holds what looks like a message, at an offset a wrong index may name.
+# A record that holds what looks like a message.
 decoys = messages.map(lambda message: _record(0x0C, message))
 others = st.tuples(st.sampled_from([0x03, 0x04, 0x0C, 0x80]), st.binary(max_size=40)).map(
     lambda pair: _record(*pair))
@@ -52,41 +52,47 @@ def test_every_record_is_found(parts):
     assert found.end == sum(map(len, parts))
 
 
-@given(records, st.data())
-def test_an_index_right_or_wrong_or_partial_changes_nothing(parts, data):
-    whole = b''.join(parts)
-    cut = whole[:data.draw(st.integers(0, len(whole)))]
-    right = _offsets(parts, MESSAGE)
-    index = data.draw(st.one_of(
-        st.permutations(right),
-        st.permutations(_offsets(parts)),
-        st.lists(st.sampled_from(right)) if right else st.just([]),
-        st.just([offset + 9 for offset in _offsets(parts, 0x0C)] + right),
-        st.lists(st.integers(-2**63, 2**63 - 1)),
-        st.lists(st.integers(0, max(len(cut), 1))),
-    ))
-    plain = scan(cut)
-    helped = scan(cut, np.array(index, dtype=np.int64))
-    assert helped.messages.tolist() == plain.messages.tolist()
-    assert helped.others == plain.others
-    assert helped.end == plain.end
+def _walked(data):
+    """Find the records of a buffer one after the other."""
+    starts, position = [], 0
+    while position + 9 <= len(data):
+        opcode, length = struct.unpack_from('<BQ', data, position)
+        if opcode == 0 or position + 9 + length > len(data):
+            break
+        if opcode == MESSAGE and length < 22:
+            break
+        starts.append(position)
+        position += 9 + length
+    return starts, position
 
 
-def test_an_index_of_a_record_of_another_kind_changes_nothing():
-    other = _record(0x04, bytes(30))
-    found = scan(_record(MESSAGE, bytes(30)) + other, np.array([0, 39]))
-    assert (found.messages.tolist(), found.others) == ([0], [39])
+@given(records, st.integers(0, 2000), st.integers(0, 2000), st.integers(0, 255))
+def test_in_a_damaged_buffer_the_same_is_found_as_by_a_plain_walk(parts, length, place, byte):
+    data = bytearray(b''.join(parts)[:length])
+    if place < len(data):
+        data[place] = byte
+    found = scan(bytes(data))
+    starts, end = _walked(data)
+    assert found.messages.tolist() == [start for start in starts if data[start] == MESSAGE]
+    assert found.others == [start for start in starts if data[start] != MESSAGE]
+    assert found.end == end
 
 
-def test_an_index_into_another_record_changes_nothing():
+def test_a_message_within_another_record_is_not_found():
     decoy = _record(0x0C, _record(MESSAGE, bytes(30)))
-    found = scan(decoy + _record(MESSAGE, bytes(30)), np.array([9, len(decoy)]))
+    found = scan(decoy + _record(MESSAGE, bytes(30)))
     assert (found.messages.tolist(), found.others) == ([len(decoy)], [0])
 
 
-def test_an_index_of_a_message_that_is_cut_off_changes_nothing():
+def test_a_message_within_a_message_is_not_found():
+    decoy = _record(MESSAGE, bytes(22) + _record(MESSAGE, bytes(30)) * 2)
+    found = scan(decoy * 3)
+    assert found.messages.tolist() == [0, len(decoy), 2 * len(decoy)]
+
+
+def test_a_message_that_is_cut_off_is_not_found():
     cut = (_record(MESSAGE, bytes(30)) * 2)[:-1]
-    found = scan(cut, np.array([0, 39]))
+    found = scan(cut)
     assert found.messages.tolist() == [0]
     assert found.end == 39
 
