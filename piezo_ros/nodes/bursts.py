@@ -29,8 +29,9 @@ from piezo_ros.nodes.streams import StreamFault, StreamReader, StreamWriter
 
 __all__ = ['BURST_BLOCKS', 'MOST_JOINED', 'NAP_S', 'answer_waiting', 'publish_blocks']
 
-NAP_S: Final = 0.0002  # of who has no block: who only yields takes the time of who has one
-BURST_BLOCKS: Final = 16  # dealt with at once; meanwhile nobody looks whether the run shall stop
+# How long a node without a block sleeps: yielding alone takes time from the node that has one.
+NAP_S: Final = 0.0002
+BURST_BLOCKS: Final = 16  # handled at once; meanwhile a request to stop the run waits
 MOST_JOINED: Final = 7500  # samples: what one datagram can hold
 
 _Samples = NDArray[np.float64]
