@@ -34,7 +34,7 @@ from piezo_ros.model import (
 
 if TYPE_CHECKING:  # the mathematics is imported only where a run asks for it
     from piezo_ros.identification import HarmonicsChoice
-    from piezo_ros.identification.linear_plant import Bound
+    from piezo_ros.identification.tuning.linear_plant import Bound
 
 __all__ = ['AUTO', 'KNOWN_STAGES', 'Prediction', 'known_rig', 'predict']
 
@@ -157,7 +157,7 @@ class _Run:
 
     def choose_harmonics(self, scheme: str) -> 'HarmonicsChoice':
         """Return the number of harmonics for a scheme."""
-        from piezo_ros.identification.harmonics import choose_harmonics
+        from piezo_ros.identification.prediction.harmonics import choose_harmonics
         return choose_harmonics(
             self.known, self.trajectory, self.controller.replaced(scheme=scheme),
             compensator=self.compensator, uncertainty=self.bound,
@@ -221,7 +221,7 @@ def predict(
 
 
 def _predict_scheme(run: _Run, *, harmonics_open: bool) -> Prediction:
-    from piezo_ros.identification.operating_points import predict_operating_point
+    from piezo_ros.identification.prediction.operating_points import predict_operating_point
     point = predict_operating_point(
         run.known, run.trajectory, run.controller, harmonics_open=harmonics_open,
         compensator=run.compensator, uncertainty=run.bound, score_periods=run.score_periods)

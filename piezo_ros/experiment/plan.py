@@ -32,7 +32,7 @@ from piezo_ros.experiment.parameter_file import read_parameter_file, read_yaml
 from piezo_ros.model import HysteresisParameters, ParameterError, ParameterSet, RigParameters
 
 if TYPE_CHECKING:
-    from piezo_ros.identification.linear_plant import Bound
+    from piezo_ros.identification.tuning.linear_plant import Bound
 
 __all__ = ['STAGES', 'STUDIES', 'Known', 'Plan', 'PlannedRun', 'plan_run', 'read_plan']
 

@@ -14,39 +14,47 @@
 
 """Identification: from arrays of recorded runs to models with standard errors."""
 
-from piezo_ros.identification.dynamics import DynamicsFit, fit_dynamics
-from piezo_ros.identification.frequency_response import (
-    Amplifier,
-    ExcludedPoint,
-    FrequencyResponse,
-    frequency_response,
-    merge,
+from piezo_ros.identification.hysteresis.hysteresis_fit import (
+    Coverage,
+    HysteresisFit,
+    fit_hysteresis,
 )
-from piezo_ros.identification.harmonics import (
+from piezo_ros.identification.hysteresis.model_comparison import (
+    ModelScore,
+    compare_hysteresis_models,
+)
+from piezo_ros.identification.prediction.harmonics import (
     HarmonicsChoice,
     HarmonicsPrediction,
     choose_harmonics,
 )
-from piezo_ros.identification.hysteresis import Coverage, HysteresisFit, fit_hysteresis
-from piezo_ros.identification.hysteresis_comparison import ModelScore, compare_hysteresis_models
-from piezo_ros.identification.loop_shape import LoopShape, PiLoop, loop_shape
-from piezo_ros.identification.offline_excitation import run_excitation_offline
-from piezo_ros.identification.operating_points import (
-    FeedbackTable,
+from piezo_ros.identification.prediction.operating_points import (
     OperatingPoint,
     feedback_table,
     predict_operating_point,
     predict_operating_points,
 )
-from piezo_ros.identification.scheme_choice import (
+from piezo_ros.identification.prediction.scheme_choice import (
     SchemeChoice,
     SchemePrediction,
     crossing_frequency_hz,
     equal_error_frequency_hz,
     recommend_scheme,
 )
-from piezo_ros.identification.tuning import PiTuning, tune_pi
-from piezo_ros.identification.uncertainty import UncertaintyBound, uncertainty_bound
+from piezo_ros.identification.response.dynamics_fit import DynamicsFit, fit_dynamics
+from piezo_ros.identification.response.frequency_response import (
+    Amplifier,
+    ExcludedPoint,
+    FrequencyResponse,
+    frequency_response,
+    merge,
+)
+from piezo_ros.identification.response.offline_excitation import run_excitation_offline
+from piezo_ros.identification.response.uncertainty import UncertaintyBound, uncertainty_bound
+from piezo_ros.identification.tuning.controller_file import FeedbackTable
+from piezo_ros.identification.tuning.loop_shape import LoopShape, loop_shape
+from piezo_ros.identification.tuning.pi_loop import PiLoop
+from piezo_ros.identification.tuning.pi_tuning import PiTuning, tune_pi
 
 __all__ = [
     'Amplifier',
