@@ -23,24 +23,17 @@ from piezo_ros.identification.hysteresis.model_comparison import (
     ModelScore,
     compare_hysteresis_models,
 )
-from piezo_ros.identification.prediction.harmonics import (
-    HarmonicsChoice,
-    HarmonicsPrediction,
-    choose_harmonics,
-)
 from piezo_ros.identification.prediction.operating_points import (
+    HarmonicsChoice,
     OperatingPoint,
+    choose_harmonics,
+    equal_error_frequency_hz,
     feedback_table,
     predict_operating_point,
     predict_operating_points,
-)
-from piezo_ros.identification.prediction.scheme_choice import (
-    SchemeChoice,
-    SchemePrediction,
-    crossing_frequency_hz,
-    equal_error_frequency_hz,
     recommend_scheme,
 )
+from piezo_ros.identification.prediction.tracking import TrackingPrediction, predict_tracking
 from piezo_ros.identification.response.dynamics_fit import DynamicsFit, fit_dynamics
 from piezo_ros.identification.response.frequency_response import (
     Amplifier,
@@ -51,7 +44,10 @@ from piezo_ros.identification.response.frequency_response import (
 )
 from piezo_ros.identification.response.offline_excitation import run_excitation_offline
 from piezo_ros.identification.response.uncertainty import UncertaintyBound, uncertainty_bound
-from piezo_ros.identification.tuning.controller_file import FeedbackTable
+from piezo_ros.identification.tuning.feedback_table import (
+    FeedbackTable,
+    crossing_frequency_hz,
+)
 from piezo_ros.identification.tuning.loop_shape import LoopShape, loop_shape
 from piezo_ros.identification.tuning.pi_loop import PiLoop
 from piezo_ros.identification.tuning.pi_tuning import PiTuning, tune_pi
@@ -73,6 +69,7 @@ __all__ = [
     'PiTuning',
     'SchemeChoice',
     'SchemePrediction',
+    'TrackingPrediction',
     'UncertaintyBound',
     'choose_harmonics',
     'compare_hysteresis_models',
@@ -86,8 +83,13 @@ __all__ = [
     'merge',
     'predict_operating_point',
     'predict_operating_points',
+    'predict_tracking',
     'recommend_scheme',
     'run_excitation_offline',
     'tune_pi',
     'uncertainty_bound',
 ]
+
+# Further names of two result types, by which programs may know them.
+HarmonicsPrediction = SchemePrediction = TrackingPrediction
+SchemeChoice = OperatingPoint

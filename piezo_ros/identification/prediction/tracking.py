@@ -13,16 +13,39 @@
 # limitations under the License.
 
 """
-What tracking error to expect of a scan, from what is known of the rig.
+The tracking error to expect of one run, from what is known of the rig.
 
-From the spectra, harmonic by harmonic: E_ff = Y_d Delta, (14) in Liu 2015, and
-E_fbff = Y_d Delta S, (15), where Delta has a part that is known (the feedforward is cut off after m
-harmonics; it inverts another model than the one at hand, and no hold) and one of which W knows the
-size only. And from a simulated run on the known rig, which also sees rails and slew limit.
+For harmonic k of the reference Y_d, with S = 1/(1 + K G), (16) in Liu 2015, the dynamics G, the
+feedforward F (the inverse model up to harmonic m, 0 beyond) and the controller K, (8):
+
+    ff:     U = F Y_d              E = Y_d - G U
+    fbff:   U = S (F + K) Y_d      E = Y_d - G U
+    fb:     U = S K Y_d            E = Y_d - G U
+
+E is the known error: harmonics beyond m, the hold, a feedforward that inverts another model than G.
+A relative uncertainty |Delta| <= |W| adds |G U W|, (14), under feedback |S G U W|, (15). The two
+parts have unrelated phases:
+
+    NRMSE^2 = (sum_k (|E_k|^2 + |uncertain_k|^2)/2 + mean square of harmonics not listed) / (2 A)^2
+
+A rig (hysteresis, rails, slew limit) is simulated too; the simulated NRMSE then takes the place of
+the known part.
+
+Examples
+--------
+The feedforward of nine harmonics leaves 0.37 % of a triangle:
+
+>>> from piezo_ros.control import ControllerParameters, TrajectoryParameters
+>>> from piezo_ros.model import LinearDynamics
+>>> prediction = predict_tracking(
+...     LinearDynamics(), TrajectoryParameters(harmonics=9), ControllerParameters(scheme='ff'))
+>>> round(prediction.truncation_percent, 2)
+0.37
+
 """
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
@@ -34,12 +57,7 @@ from piezo_ros.identification.tuning.linear_plant import Bound, Model, bound_mag
 from piezo_ros.identification.tuning.pi_loop import PiLoop
 from piezo_ros.model import HysteresisParameters, LinearDynamics, RigParameters
 
-__all__ = [
-    'SimulatedTracking',
-    'SpectralTracking',
-    'simulated_tracking',
-    'spectral_tracking',
-]
+__all__ = ['TrackingPrediction', 'predict_tracking']
 
 _MOST_HARMONICS: Final = 2001
 # fs / f is rarely representable: whole periods are counted with this much tolerance, in samples.
@@ -51,9 +69,9 @@ _Complexes = NDArray[np.complex128]
 
 
 @dataclass(frozen=True)
-class SpectralTracking:
+class TrackingPrediction:
     """
-    Predicted error, harmonic by harmonic, of a linear rig in steady state.
+    Predicted error of one run in steady state, percent of the peak-to-peak reference.
 
     Attributes
     ----------
@@ -61,120 +79,127 @@ class SpectralTracking:
         Scheme of the controller.
     harmonics : int
         Highest harmonic m of the feedforward.
+    linear_nrmse_percent : float
+        NRMSE by the spectra, uncertainty included.
+    truncation_percent, uncertainty_percent : float
+        The parts of it that are due to the harmonics beyond m and to the uncertainty of the model.
     frequency_hz : ndarray, shape (K,)
         Frequencies of the harmonics of the reference.
     reference_um : ndarray, shape (K,)
         Their amplitudes A_k, (11) in Liu 2015; signed.
     known_error_um : ndarray of complex, shape (K,)
-        Error that the model foresees; sin(w t) is 1.
+        The known error; sin(w t) is 1.
     uncertain_error_um : ndarray, shape (K,)
         Size of the further error for the size of Delta, (14) and (15).
-    left_out_um2 : float
-        Mean square of the harmonics of the reference that are not listed.
+    simulated_nrmse_percent : float or None
+        NRMSE of the last periods of the run simulated on the known rig; None without a rig.
+    slew_v_per_s, voltage_minimum_v, voltage_maximum_v : float or None
+        Fastest change and extremes of the voltage that the simulated run asks for, the extremes as
+        deviations from the operating point; None without a rig.
+    slew_limited, rail_limited : bool
+        Whether the amplifier cannot follow; false without a rig.
 
     """
 
     scheme: str
     harmonics: int
-    frequency_hz: _Floats
-    reference_um: _Floats
-    known_error_um: _Complexes
-    uncertain_error_um: _Floats
-    left_out_um2: float
-    _amplitude_um: float = field(repr=False)
-
-    @property
-    def error_um(self) -> _Floats:
-        """Amplitude of the error at each harmonic, both parts of unrelated phase, shape (K,)."""
-        error: _Floats = np.hypot(np.abs(self.known_error_um), self.uncertain_error_um)
-        return error
+    linear_nrmse_percent: float
+    truncation_percent: float
+    uncertainty_percent: float
+    frequency_hz: _Floats = field(repr=False, compare=False)
+    reference_um: _Floats = field(repr=False, compare=False)
+    known_error_um: _Complexes = field(repr=False, compare=False)
+    uncertain_error_um: _Floats = field(repr=False, compare=False)
+    simulated_nrmse_percent: float | None = None
+    slew_v_per_s: float | None = None
+    voltage_minimum_v: float | None = None
+    voltage_maximum_v: float | None = None
+    slew_limited: bool = False
+    rail_limited: bool = False
 
     @property
     def nrmse_percent(self) -> float:
-        """Expected NRMSE, percent of the peak-to-peak reference."""
-        return self._percent(self.error_um, self.left_out_um2)
-
-    @property
-    def uncertainty_percent(self) -> float:
-        """The part of it that is due to the uncertainty of the model."""
-        return self._percent(self.uncertain_error_um, 0.0)
-
-    @property
-    def truncation_percent(self) -> float:
-        """The part of it that is due to the harmonics beyond m."""
-        order = np.round(self.frequency_hz / self.frequency_hz[0])
-        return self._percent(
-            np.abs(self.known_error_um[order > self.harmonics]), self.left_out_um2)
-
-    def _percent(self, amplitudes_um: _Floats, left_out_um2: float) -> float:
-        mean_square = 0.5 * float(np.sum(amplitudes_um**2)) + left_out_um2
-        return 100.0 * math.sqrt(mean_square) / (2.0 * self._amplitude_um)
-
-
-@dataclass(frozen=True)
-class SimulatedTracking:
-    """
-    Error of a run simulated on a known rig.
-
-    Attributes
-    ----------
-    nrmse_percent : float
-        NRMSE of the last periods, percent of the peak-to-peak reference.
-    slew_v_per_s : float
-        Fastest change of voltage that was asked for in them.
-    voltage_minimum_v, voltage_maximum_v : float
-        Extreme voltages that were asked for, deviations from the operating point.
-    slew_limited, rail_limited : bool
-        Whether the amplifier could not follow.
-
-    """
-
-    nrmse_percent: float
-    slew_v_per_s: float
-    voltage_minimum_v: float
-    voltage_maximum_v: float
-    slew_limited: bool
-    rail_limited: bool
+        """Expected NRMSE: the simulated run with the uncertainty, without a rig the spectra."""
+        if self.simulated_nrmse_percent is None:
+            return self.linear_nrmse_percent
+        return math.hypot(self.simulated_nrmse_percent, self.uncertainty_percent)
 
     @property
     def is_limited(self) -> bool:
-        """Whether the amplifier's limits took part."""
+        """Whether the amplifier reaches its slew limit or a rail."""
         return self.slew_limited or self.rail_limited
 
+    def record(self) -> dict[str, float | bool | None]:
+        """Return every number under its name, for report.json and tables."""
+        return {
+            'harmonics': self.harmonics,
+            'nrmse_percent': self.nrmse_percent,
+            'linear_nrmse_percent': self.linear_nrmse_percent,
+            'simulated_nrmse_percent': self.simulated_nrmse_percent,
+            'truncation_percent': self.truncation_percent,
+            'uncertainty_percent': self.uncertainty_percent,
+            'slew_v_per_s': self.slew_v_per_s,
+            'slew_limited': self.slew_limited,
+            'rail_limited': self.rail_limited,
+        }
 
-def spectral_tracking(
-    model: Model,
+
+def predict_tracking(
+    model: Model | RigParameters,
     trajectory: TrajectoryParameters,
     controller: ControllerParameters,
     *,
+    compensator: HysteresisParameters | None = None,
     uncertainty: Bound | None = None,
-) -> SpectralTracking:
+    score_periods: float = 4.0,
+) -> TrackingPrediction:
     """
-    Return the error that a linear rig is expected to have.
+    Return the error to expect of a run.
 
     Parameters
     ----------
-    model : LinearDynamics, DynamicsFit or control.TransferFunction
+    model : LinearDynamics, DynamicsFit, control.TransferFunction or RigParameters
         What is known best of the compensated actuator; the feedforward inverts the dynamics in
-        ``trajectory``, which may be others.
+        ``trajectory``, which may be others. A rig (identified dynamics and hysteresis, slew limit
+        and rails of the amplifier) is simulated too. Its order should be ``physical``: a lumped rig
+        predicts high harmonics that hysteresis before the mechanics does not produce.
     trajectory : TrajectoryParameters
         A triangle or a sine, its feedforward and the sample period.
     controller : ControllerParameters
         Scheme, gains and delay of the measurement.
+    compensator : HysteresisParameters, optional
+        The hysteresis that the simulated run inverts; that of the rig by default.
     uncertainty : UncertaintyBound, control.TransferFunction or callable, optional
         W(s), or a measured |Delta| as a function of the frequency in hertz.
+    score_periods : float, optional
+        Periods at the end of the simulated run that are scored.
 
     Returns
     -------
-    SpectralTracking
-        The spectrum of the error.
+    TrackingPrediction
+        The predicted error and its parts.
 
     Raises
     ------
     ParameterError
         If the waveform has no Fourier series.
+    ValueError
+        If a simulated run has fewer periods than are to be scored.
 
     """
+    if not isinstance(model, RigParameters):
+        return _by_spectra(model, trajectory, controller, uncertainty)
+    prediction = _by_spectra(
+        LinearDynamics(model.true_dynamics), trajectory, controller, uncertainty)
+    return _with_simulation(
+        prediction, model, trajectory, controller, compensator or model, score_periods)
+
+
+def _by_spectra(
+    model: Model, trajectory: TrajectoryParameters, controller: ControllerParameters,
+    uncertainty: Bound | None,
+) -> TrackingPrediction:
+    """Return the error of a linear rig, harmonic by harmonic."""
     period_s = trajectory.sample_period_s
     nyquist_harmonic = math.ceil(0.5 / (trajectory.frequency_hz * period_s)) - 1
     highest = min(max(nyquist_harmonic, 1), _MOST_HARMONICS)
@@ -182,14 +207,12 @@ def spectral_tracking(
     order = np.flatnonzero(all_amplitudes) + 1
     amplitude = all_amplitudes[order - 1]
     frequency = np.asarray(order * trajectory.frequency_hz, dtype=np.float64)
-    inverse = _feedforward_gain(trajectory, order)
-    # Without feedback the gains do not matter, but there must be some.
+    # Without feedback the gains do not matter, but a loop needs some.
     gains = (controller.proportional_gain, controller.integral_gain_per_s)
     loop = PiLoop.of(
         model, *(gains if any(gains) else (1.0, 0.0)), period_s,
         controller.measurement_delay_samples)
-    plant = loop.plant_response(frequency)
-    feedforward = inverse * amplitude * controller.uses_feedforward
+    feedforward = _feedforward_gain(trajectory, order) * amplitude * controller.uses_feedforward
     sensitivity: _Complexes = np.ones(order.size, dtype=np.complex128)
     command = feedforward
     if controller.uses_feedback and any(gains):
@@ -197,22 +220,30 @@ def spectral_tracking(
         command = sensitivity * (feedforward + loop.controller_response(frequency) * amplitude)
     elif controller.scheme == 'open_loop':
         command = amplitude.astype(np.complex128)
-    output = plant * command
+    output = loop.plant_response(frequency) * command
+    known = amplitude - output
     uncertain: _Floats = np.zeros(order.size)
     if uncertainty is not None:
         uncertain = np.abs(sensitivity * output) * bound_magnitude(uncertainty, frequency)
-    square = _mean_square(trajectory)
-    return SpectralTracking(
-        scheme=controller.scheme, harmonics=trajectory.harmonics, frequency_hz=frequency,
-        reference_um=amplitude, known_error_um=amplitude - output, uncertain_error_um=uncertain,
-        left_out_um2=max(square - 0.5 * float(np.sum(amplitude**2)), 0.0),
-        _amplitude_um=trajectory.amplitude_um)
+    left_out_um2 = max(_mean_square(trajectory) - 0.5 * float(np.sum(amplitude**2)), 0.0)
+
+    def percent(amplitudes_um: _Floats, further_um2: float) -> float:
+        mean_square = 0.5 * float(np.sum(amplitudes_um**2)) + further_um2
+        return 100.0 * math.sqrt(mean_square) / (2.0 * trajectory.amplitude_um)
+
+    return TrackingPrediction(
+        scheme=controller.scheme, harmonics=trajectory.harmonics,
+        linear_nrmse_percent=percent(np.hypot(np.abs(known), uncertain), left_out_um2),
+        truncation_percent=percent(np.abs(known[order > trajectory.harmonics]), left_out_um2),
+        uncertainty_percent=percent(uncertain, 0.0),
+        frequency_hz=frequency, reference_um=amplitude, known_error_um=known,
+        uncertain_error_um=uncertain)
 
 
 def _feedforward_gain(
     trajectory: TrajectoryParameters, order: NDArray[np.int64],
 ) -> _Complexes:
-    """Return U_k/A_k of (13)."""
+    """Return U_k/A_k of (13) in Liu 2015."""
     model = LinearDynamics(trajectory)
     if trajectory.harmonics == 0:
         return np.full(order.size, 1.0 / trajectory.dc_gain, dtype=np.complex128)
@@ -225,47 +256,16 @@ def _mean_square(trajectory: TrajectoryParameters) -> float:
     return share * trajectory.amplitude_um**2
 
 
-def simulated_tracking(
-    rig: RigParameters,
-    trajectory: TrajectoryParameters,
-    controller: ControllerParameters,
-    *,
-    compensator: HysteresisParameters | None = None,
-    score_periods: float = 4.0,
-) -> SimulatedTracking:
-    """
-    Return the error of a simulated run.
-
-    Parameters
-    ----------
-    rig : RigParameters
-        What is known of the rig: identified dynamics and hysteresis, the amplifier's slew limit
-        and rails.
-    trajectory : TrajectoryParameters
-        The run.
-    controller : ControllerParameters
-        Gains and scheme.
-    compensator : HysteresisParameters, optional
-        The hysteresis that is inverted; that of ``rig`` by default.
-    score_periods : float, optional
-        Periods at the end of the run that are scored.
-
-    Returns
-    -------
-    SimulatedTracking
-        Error and what the amplifier was asked for.
-
-    Raises
-    ------
-    ValueError
-        If the run has fewer periods than are to be scored.
-
-    """
+def _with_simulation(
+    prediction: TrackingPrediction, rig: RigParameters, trajectory: TrajectoryParameters,
+    controller: ControllerParameters, compensator: HysteresisParameters, score_periods: float,
+) -> TrackingPrediction:
+    """Return the prediction with the error of a simulated run and its demand on the amplifier."""
     if not 0.0 < score_periods <= trajectory.periods:
         raise ValueError(
             f'score_periods is {score_periods}, allowed is above 0 … {trajectory.periods} '
             '(periods of the trajectory)')
-    run = simulate(rig, compensator or rig, controller, trajectory)
+    run = simulate(rig, compensator, controller, trajectory)
     period_s = trajectory.sample_period_s
     count = min(trajectory.samples, max(2, math.floor(
         score_periods / (trajectory.frequency_hz * period_s) + _ROUNDING_SAMPLES)))
@@ -274,8 +274,9 @@ def simulated_tracking(
     slew = float(np.max(np.abs(np.diff(voltage)))) / period_s
     low = rig.voltage_minimum_v - rig.operating_point_v
     high = rig.voltage_maximum_v - rig.operating_point_v
-    return SimulatedTracking(
-        nrmse_percent=100.0 * float(np.sqrt(np.mean(error**2)))
+    return replace(
+        prediction,
+        simulated_nrmse_percent=100.0 * float(np.sqrt(np.mean(error**2)))
         / float(np.ptp(run.reference_um[-count:])),
         slew_v_per_s=slew,
         voltage_minimum_v=float(voltage.min()),

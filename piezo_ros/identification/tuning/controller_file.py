@@ -16,32 +16,15 @@
 
 import math
 from collections.abc import Sequence
-from typing import Final, NamedTuple
+from typing import Final
 
+from piezo_ros.identification.tuning.feedback_table import FeedbackTable
 from piezo_ros.identification.tuning.loop_shape import LoopShape
 from piezo_ros.identification.yaml_text import yaml_list, yaml_number
 
-__all__ = ['FeedbackTable', 'controller_file']
+__all__ = ['controller_file']
 
 _FORMAT_VERSION: Final = 1
-
-
-class FeedbackTable(NamedTuple):
-    """
-    Where feedback is acceptable, for the scheme auto of the controller.
-
-    Attributes
-    ----------
-    amplitude_um : tuple of float
-        Amplitudes, ascending.
-    frequency_hz : tuple of float
-        Frequency below which FBFF is predicted to have a smaller error than FF; 0 where it has one
-        at no frequency.
-
-    """
-
-    amplitude_um: tuple[float, ...]
-    frequency_hz: tuple[float, ...]
 
 
 def controller_file(

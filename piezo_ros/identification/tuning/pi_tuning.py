@@ -33,7 +33,8 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from piezo_ros.control.trajectory import TrajectoryParameters, trajectory_blocks
-from piezo_ros.identification.tuning.controller_file import FeedbackTable, controller_file
+from piezo_ros.identification.tuning.controller_file import controller_file
+from piezo_ros.identification.tuning.feedback_table import FeedbackTable
 from piezo_ros.identification.tuning.itae import itae
 from piezo_ros.identification.tuning.linear_plant import Bound, Model, bound_magnitude
 from piezo_ros.identification.tuning.loop_shape import LoopShape, loop_shape

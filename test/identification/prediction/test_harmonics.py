@@ -15,8 +15,8 @@
 import pytest
 
 from piezo_ros.control import ControllerParameters, TrajectoryParameters
-from piezo_ros.identification.prediction.harmonics import choose_harmonics
-from piezo_ros.identification.prediction.tracking import simulated_tracking
+from piezo_ros.identification.prediction.operating_points import choose_harmonics
+from piezo_ros.identification.prediction.tracking import predict_tracking
 from piezo_ros.model import DynamicsParameters, ParameterError, RigParameters
 
 # What is identified is not quite what is there.
@@ -36,14 +36,14 @@ def scan(amplitude_um, frequency_hz, **others):
 
 
 def measured_percent(trajectory, harmonics, controller=FF):
-    return simulated_tracking(
+    return predict_tracking(
         RIG, trajectory.replaced(harmonics=harmonics), controller).nrmse_percent
 
 
 def test_where_the_amplifier_follows_many_harmonics_win():
     choice = choose_harmonics(KNOWN, scan(1.0, 300.0), FF)
     assert choice.harmonics > 9
-    assert not choice.predictions[4].simulated.is_limited
+    assert not choice.predictions[4].is_limited
     assert measured_percent(scan(1.0, 300.0), choice.harmonics) < 0.8 * measured_percent(
         scan(1.0, 300.0), 9)
 
@@ -55,7 +55,7 @@ def test_where_the_amplifier_does_not_follow_fewer_win(scheme):
     assert choice.harmonics < 9
     assert choice.predicted_nrmse_percent[9] > 2.0 * choice.chosen.nrmse_percent
     assert choice.predictions[4].harmonics == 9
-    assert choice.predictions[4].simulated.slew_limited
+    assert choice.predictions[4].slew_limited
     assert measured_percent(fast, choice.harmonics, law) < 0.5 * measured_percent(fast, 9, law)
     # The same scan with an amplifier that follows.
     free = choose_harmonics(KNOWN.replaced(slew_limit_v_per_s=0.0), fast, law)
@@ -80,7 +80,7 @@ def test_harmonics_that_the_model_does_not_know_are_left_out():
     unsure = choose_harmonics(known, scan(1.0, 400.0), FF, uncertainty=uncertainty)
     assert unsure.harmonics == 7
     assert sure.harmonics > 7
-    share = {one.harmonics: one.spectral.uncertainty_percent for one in unsure.predictions}
+    share = {one.harmonics: one.uncertainty_percent for one in unsure.predictions}
     assert share[9] > 2.0 * share[7]
 
 

@@ -13,6 +13,7 @@
 # limitations under the License.
 
 import math
+from types import SimpleNamespace
 
 import pytest
 
@@ -23,7 +24,7 @@ from piezo_ros.identification import (
     predict_operating_points,
 )
 from piezo_ros.identification.prediction.operating_points import OperatingPoint
-from piezo_ros.identification.prediction.tracking import simulated_tracking
+from piezo_ros.identification.prediction.tracking import predict_tracking
 from piezo_ros.model import RigParameters
 
 RIG = RigParameters(slew_limit_v_per_s=18200.0, gain_mismatch=-0.05, time_constant_mismatch=-0.07)
@@ -73,7 +74,7 @@ def test_with_harmonics_open_each_scheme_has_its_own_and_the_error_of_that_run()
     assert set(point.choices) == {'ff', 'fbff'}
     for scheme, choice in point.choices.items():
         assert point.harmonics[scheme] == choice.harmonics
-        run = simulated_tracking(
+        run = predict_tracking(
             RIG, scan.replaced(harmonics=choice.harmonics), LAW.replaced(scheme=scheme))
         assert point.predicted_nrmse_percent[scheme] == pytest.approx(run.nrmse_percent)
         assert point.limited[scheme] == run.is_limited
@@ -89,7 +90,10 @@ def test_an_unstable_loop_leaves_feedforward_alone():
 
 
 def point(frequency_hz, ff, fbff):
-    return OperatingPoint(1.0, frequency_hz, 'ff', {'ff': ff, 'fbff': fbff}, {}, {}, None, {})
+    predictions = {
+        name: SimpleNamespace(nrmse_percent=percent) for name, percent in (
+            ('ff', ff), ('fbff', fbff))}
+    return OperatingPoint(1.0, frequency_hz, predictions, {}, None)
 
 
 @pytest.mark.parametrize(('fbff', 'below_hz'), [

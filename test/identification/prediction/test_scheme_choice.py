@@ -18,11 +18,11 @@ import numpy as np
 import pytest
 
 from piezo_ros.control import ControllerParameters, TrajectoryParameters
-from piezo_ros.identification.prediction.scheme_choice import (
+from piezo_ros.identification.prediction.operating_points import (
     equal_error_frequency_hz,
     recommend_scheme,
 )
-from piezo_ros.identification.prediction.tracking import simulated_tracking
+from piezo_ros.identification.prediction.tracking import predict_tracking
 from piezo_ros.model import DynamicsParameters, LinearDynamics, RigParameters
 
 # Of another gain and amplifier than the printed model that the feedforward inverts.
@@ -38,7 +38,7 @@ def sine(frequency_hz, **others):
 
 def measured(trajectory, schemes=('ff', 'fbff', 'fb')):
     return {
-        scheme: simulated_tracking(RIG, trajectory, LAW.replaced(scheme=scheme)).nrmse_percent
+        scheme: predict_tracking(RIG, trajectory, LAW.replaced(scheme=scheme)).nrmse_percent
         for scheme in schemes}
 
 
@@ -69,7 +69,7 @@ def test_at_the_slew_limit_feedback_is_not_recommended():
     fast = TrajectoryParameters(amplitude_um=2.5, frequency_hz=700.0)
     choice = recommend_scheme(RIG, fast, LAW)
     free = recommend_scheme(RIG.replaced(slew_limit_v_per_s=0.0), fast, LAW)
-    assert choice.predictions['fbff'].simulated.slew_limited
+    assert choice.predictions['fbff'].slew_limited
     assert choice.scheme == 'ff'
     assert choice.predicted_nrmse_percent['fbff'] > 2.0 * free.predicted_nrmse_percent['fbff']
 

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from piezo_ros.control import ControllerParameters, TrajectoryParameters
-from piezo_ros.identification.prediction.tracking import simulated_tracking, spectral_tracking
+from piezo_ros.identification.prediction.tracking import predict_tracking
 from piezo_ros.model import DynamicsParameters, LinearDynamics, ParameterError, RigParameters
 
 # Linear but for the hysteresis, which the compensator undoes; not what the feedforward inverts.
@@ -33,8 +33,8 @@ def test_the_spectra_foresee_what_a_linear_rig_does(scheme, waveform, harmonics)
     trajectory = TrajectoryParameters(
         waveform=waveform, frequency_hz=500.0, harmonics=harmonics, periods=20.0)
     law = ControllerParameters(scheme=scheme, measurement_delay_samples=2)
-    spectral = spectral_tracking(LinearDynamics(OTHER), trajectory, law)
-    simulated = simulated_tracking(LINEAR_RIG, trajectory, law)
+    spectral = predict_tracking(LinearDynamics(OTHER), trajectory, law)
+    simulated = predict_tracking(LINEAR_RIG, trajectory, law)
     assert spectral.nrmse_percent == pytest.approx(simulated.nrmse_percent, rel=2e-3)
     assert not simulated.is_limited
 
@@ -47,7 +47,7 @@ def test_uncertainty_enters_as_in_14_and_15():
         return 0.05 + frequency_hz / 1e5
 
     ff, fbff = (
-        spectral_tracking(
+        predict_tracking(
             model, trajectory, ControllerParameters(scheme=scheme), uncertainty=uncertainty)
         for scheme in ('ff', 'fbff'))
     inside = ff.frequency_hz < 10 * 400.0
@@ -61,13 +61,13 @@ def test_uncertainty_enters_as_in_14_and_15():
     ratio = fbff.uncertain_error_um[inside] / ff.uncertain_error_um[inside]
     assert ratio[0] < 1.0 < ratio[1]
     assert ff.nrmse_percent**2 == pytest.approx(
-        spectral_tracking(
+        predict_tracking(
             model, trajectory, ControllerParameters(scheme='ff')).nrmse_percent**2
         + ff.uncertainty_percent**2)
 
 
 def test_nine_harmonics_leave_the_published_share_of_a_triangle():
-    spectral = spectral_tracking(
+    spectral = predict_tracking(
         LinearDynamics(), TrajectoryParameters(), ControllerParameters(scheme='ff'))
     assert spectral.truncation_percent == pytest.approx(0.37, abs=0.01)
 
@@ -76,12 +76,12 @@ def test_a_run_beyond_slew_limit_or_rails_says_so():
     law = ControllerParameters(scheme='ff')
     scan = TrajectoryParameters(amplitude_um=2.5, frequency_hz=800.0).replaced(
         **OTHER.to_mapping())
-    free = simulated_tracking(LINEAR_RIG, scan, law)
+    free = predict_tracking(LINEAR_RIG, scan, law)
     slow = LINEAR_RIG.replaced(slew_limit_v_per_s=0.9 * free.slew_v_per_s)
     low = LINEAR_RIG.replaced(voltage_minimum_v=5.0 + 0.9 * free.voltage_minimum_v)
     high = LINEAR_RIG.replaced(voltage_maximum_v=5.0 + 0.9 * free.voltage_maximum_v)
     just = LINEAR_RIG.replaced(slew_limit_v_per_s=1.001 * free.slew_v_per_s)
-    limited = [simulated_tracking(rig, scan, law) for rig in (slow, low, high, just)]
+    limited = [predict_tracking(rig, scan, law) for rig in (slow, low, high, just)]
     assert [one.slew_limited for one in limited] == [True, False, False, False]
     assert [one.rail_limited for one in limited] == [False, True, True, False]
     assert all(one.nrmse_percent > free.nrmse_percent for one in limited[:3])
@@ -89,12 +89,12 @@ def test_a_run_beyond_slew_limit_or_rails_says_so():
 
 def test_a_waveform_without_fourier_series_is_refused():
     with pytest.raises(ParameterError, match='decreasing_triangle'):
-        spectral_tracking(
+        predict_tracking(
             LinearDynamics(), TrajectoryParameters(waveform='decreasing_triangle', harmonics=0),
             ControllerParameters())
 
 
 def test_more_periods_than_the_run_has_cannot_be_scored():
     with pytest.raises(ValueError, match='score_periods is 4.0, allowed is above 0 … 3.0'):
-        simulated_tracking(
+        predict_tracking(
             LINEAR_RIG, TrajectoryParameters(periods=3.0), ControllerParameters())
