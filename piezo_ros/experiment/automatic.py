@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-What is known of the rig of a run, and runs that leave scheme or harmonics to a prediction.
+Decides the scheme and the harmonics that a run leaves to ``auto``, by a prediction.
 
 The prediction is made before anything starts, from identified hysteresis and dynamics and the data
-sheet of the amplifier. The mismatches of the simulated rig are unknown to it: they are never read.
+sheet of the amplifier. It never reads the mismatches of the simulated rig.
 """
 
 from collections.abc import Collection, Mapping
@@ -39,8 +39,8 @@ __all__ = ['AUTO', 'KNOWN_STAGES', 'known_rig', 'predict']
 AUTO: Final = 'auto'
 KNOWN_STAGES: Final = ('compensator', 'plant', 'trajectory')
 _PERIODIC: Final = ('triangle', 'sine')
-# What a data sheet tells of a rig. The list is explicit, so that a new parameter of the rig does
-# not count as known unless it is added here.
+# Parameters of a rig that are in a data sheet. The list is explicit: a new parameter of the rig is
+# not known unless it is added here.
 _DATA_SHEET: Final = (
     'slew_limit_v_per_s', 'operating_point_v', 'operating_point_um', 'travel_um',
     'voltage_minimum_v', 'voltage_maximum_v', 'dac_bits', 'dac_span_v', 'adc_bits', 'adc_span_v',
@@ -48,17 +48,17 @@ _DATA_SHEET: Final = (
 
 
 def known_rig(
-    told: Mapping[str, Mapping[str, Any]],
+    sections: Mapping[str, Mapping[str, Any]],
     plant: RigParameters,
     compensator: HysteresisParameters,
     trajectory: DynamicsParameters,
 ) -> RigParameters:
     """
-    Return what is known of the rig of a run.
+    Return the rig of a run as far as it is known before the run.
 
     Parameters
     ----------
-    told : mapping of str to mapping
+    sections : mapping of str to mapping
         One of `KNOWN_STAGES` to parameters that are better known than those of the run. Parameters
         other than data sheet, hysteresis and dynamics are ignored.
     plant : RigParameters
@@ -87,15 +87,15 @@ def known_rig(
     ):
         names = parameter_set.names()
         values.update({name: getattr(own, name) for name in names})
-        values.update(_chosen(told, stage, names))
-    values.update(_chosen(told, 'plant', _DATA_SHEET))
+        values.update(_chosen(sections, stage, names))
+    values.update(_chosen(sections, 'plant', _DATA_SHEET))
     return RigParameters.from_mapping({**values, 'order': 'physical'})
 
 
 def _chosen(
-    told: Mapping[str, Mapping[str, Any]], stage: str, names: Collection[str],
+    sections: Mapping[str, Mapping[str, Any]], stage: str, names: Collection[str],
 ) -> dict[str, Any]:
-    return {name: value for name, value in told.get(stage, {}).items() if name in names}
+    return {name: value for name, value in sections.get(stage, {}).items() if name in names}
 
 
 def predict(
@@ -109,12 +109,12 @@ def predict(
     score_periods: float = 4.0,
 ) -> 'OperatingPoint':
     """
-    Decide what a run leaves open.
+    Return the predicted scheme and harmonics of a run that leaves one or both open.
 
     Parameters
     ----------
     known : RigParameters
-        What is known of the rig, see `known_rig`.
+        The rig as far as it is known, see `known_rig`.
     compensator : HysteresisParameters
         The hysteresis that the run inverts.
     controller : ControllerParameters
@@ -122,7 +122,7 @@ def predict(
     trajectory : TrajectoryParameters
         The scan; and the harmonics, unless they are open.
     open_ : collection of str
-        What is to be decided: ``'scheme'``, ``'harmonics'`` or both.
+        The parameters to decide: ``'scheme'``, ``'harmonics'`` or both.
     bound : UncertaintyBound, control.TransferFunction or callable, optional
         W(s), the uncertainty of the known dynamics.
     score_periods : float, optional
@@ -136,9 +136,9 @@ def predict(
     Raises
     ------
     ParameterError
-        If the waveform is no periodic one, or the scheme has no feedforward.
+        If the waveform is not periodic, or the scheme has no feedforward.
     ValueError
-        If the run is shorter than what is scored, or has no gains.
+        If the run has fewer periods than are scored, or both gains are 0.
 
     """
     from piezo_ros.identification import (
@@ -148,7 +148,7 @@ def predict(
     )
     if trajectory.waveform not in _PERIODIC:
         raise ParameterError(
-            f'waveform is {trajectory.waveform!r}; what a run leaves to auto can be predicted for '
+            f'waveform is {trajectory.waveform!r}; auto can be decided for '
             f'{", ".join(_PERIODIC)}')
     if 'scheme' in open_:
         return predict_operating_point(

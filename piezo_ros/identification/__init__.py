@@ -12,7 +12,12 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Identification: from arrays of recorded runs to models with standard errors."""
+"""
+Identification: from arrays of recorded runs to models, controller gains and predicted errors.
+
+`hysteresis` and `response` fit models, with standard errors, `tuning` finds PI gains for them, and
+`prediction` the tracking errors to expect with both.
+"""
 
 from piezo_ros.identification.hysteresis.hysteresis_fit import (
     Coverage,
@@ -90,6 +95,6 @@ __all__ = [
     'uncertainty_bound',
 ]
 
-# Further names of two result types, by which programs may know them.
+# Former names of two result types, kept for programs that import them.
 HarmonicsPrediction = SchemePrediction = TrackingPrediction
 SchemeChoice = OperatingPoint

@@ -52,7 +52,7 @@ def section(node, values):
 
 
 def measured_percent(run):
-    """Do a run on its true rig and return the NRMSE of its last four periods."""
+    """Simulate a run on its true rig and return the NRMSE of its last four periods."""
     streams = simulate(run.plant, run.compensator, run.controller, run.trajectory)
     scan = run.trajectory
     window = tail(scan.samples, scan.frequency_hz, scan.sample_period_s, 4.0)
@@ -66,7 +66,7 @@ def decisions(plan):
 
 @pytest.fixture
 def known_file(config, tmp_path):
-    """Write the models that were identified from the simulated rig, as identification writes."""
+    """Write a parameter file of the models that were identified from the simulated rig."""
     (run,) = yaml.safe_load((config / 'experiments' / 'automatic.yaml').read_text())['runs']
     path = tmp_path / 'known.yaml'
     path.write_text(yaml.safe_dump({
@@ -110,7 +110,7 @@ def test_a_prediction_tells_every_scheme_and_every_number_of_harmonics(config):
 
 
 def threes(runs):
-    """Return runs as (auto, ff, fbff), measured errors of the last two."""
+    """Yield each run of scheme auto with the measured errors of its ff and fbff neighbours."""
     for auto, ff, fbff in zip(runs[::3], runs[1::3], runs[2::3], strict=True):
         assert (ff.controller.scheme, fbff.controller.scheme) == ('ff', 'fbff')
         assert {run.trajectory.frequency_hz for run in (auto, ff, fbff)} == {
@@ -119,7 +119,7 @@ def threes(runs):
 
 
 def test_the_recommended_scheme_is_the_better_one_of_the_rig_over_table_4(write_plan, known_file):
-    # The stages are as published; only the knowledge of the rig is identified.
+    # The stages are as published; the known rig is identified.
     plan = read_plan(write_plan(
         known_rig_files=[str(known_file)],
         runs=[{**row, 'scheme': ['auto', 'ff', 'fbff']} for row in TABLE]))
@@ -138,7 +138,7 @@ def test_the_recommended_scheme_is_the_better_one_of_the_rig_over_table_4(write_
 
 
 def identified(rig):
-    """Identify hysteresis and dynamics from runs of a rig; return a parameter file's sections."""
+    """Identify hysteresis and dynamics from runs of a rig; return sections of a parameter file."""
     bare = simulate_bare(rig, TrajectoryParameters(
         output='voltage', waveform='decreasing_triangle', amplitude_v=4.5, frequency_hz=1.0,
         periods=10.0, harmonics=0, sample_period_s=1e-4))
@@ -229,7 +229,7 @@ def test_the_data_sheet_of_the_amplifier_has_a_part_in_it(write_plan, tmp_path, 
     assert fast.trajectory.harmonics > slow.trajectory.harmonics
     assert 'the amplifier is at its limits from m = ' in slow.prediction.reason
     assert fast.prediction.nrmse_percent < slow.prediction.nrmse_percent
-    # Only what is known changes, not what is driven.
+    # Only the known rig changes, not the simulated one.
     assert fast.plant.slew_limit_v_per_s == (18200.0 if file else 0.0)
 
 

@@ -13,9 +13,9 @@
 # limitations under the License.
 
 """
-The Bouc-Wen model, rate-independent, from voltage to displacement.
+The Bouc-Wen model of hysteresis, rate-independent, from voltage u to displacement x.
 
-    x = d u - h,   dh = a du - beta |du| h - gamma du |h|
+    x = d u - h + offset,   dh = a du - beta |du| h - gamma du |h|
 """
 
 from collections.abc import Sequence
@@ -30,7 +30,8 @@ from piezo_ros.identification.hysteresis.records import Record, accumulate
 
 __all__ = ['BoucWenModel', 'fit_bouc_wen']
 
-# The sum of squares has several valleys; shares of the reach over which h forgets, to start from.
+# The sum of squares has several minima. The starts differ in the voltage over which h decays, as a
+# share of the largest voltage.
 _STARTS: Final = (0.05, 0.2, 0.8)
 
 _Floats = NDArray[np.float64]
@@ -40,25 +41,25 @@ class BoucWenModel:
     """The model without delay; theta is (d, a, beta, gamma, offset)."""
 
     def delay(self, theta: _Floats) -> float:
-        """Return zero: the data are to be free of delay."""
+        """Return zero: the model has no delay, the data must have none."""
         return 0.0
 
     def initial_state(self) -> tuple[_Floats, ...]:
-        """Return voltage, h and its derivatives of a virgin stage."""
+        """Return voltage, h and the derivatives of h for a virgin stage, shape (5,)."""
         return (np.zeros(5),)
 
     def fill(
         self, state: tuple[_Floats, ...], theta: _Floats, share: float, voltage_v: _Floats,
         weight: _Floats, prediction_um: _Floats, jacobian: _Floats,
     ) -> int:
-        """Predict N samples, differentiate those of weight 1 and move the state on."""
+        """Predict N samples, see `ChunkModel.fill`."""
         from piezo_ros.identification.hysteresis.kernels import bouc_wen_chunk
         return bouc_wen_chunk(state[0], theta, voltage_v, weight, prediction_um, jacobian)
 
 
 def fit_bouc_wen(records: Sequence[Record]) -> _Floats:
     """
-    Fit the model by least squares.
+    Fit the Bouc-Wen model by least squares, from several starts.
 
     Parameters
     ----------

@@ -12,7 +12,31 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The MRC hysteresis identified from recorded voltage and displacement."""
+"""
+Identification of the MRC hysteresis from recorded voltage and displacement, with standard errors.
+
+With Jacobian J of the prediction, residual e of N samples, m free parameters theta = (p, r, delay,
+offset) and autocorrelation rho of the residual:
+
+    covariance(theta) = (J'J)^(-1) (e'e / (N - m)) (1 + 2 sum_j rho_j)
+
+The sum ends at the first lag where rho is not positive. The standard errors of (kappa, u_S) follow
+by the derivatives of `elements_of_plays`.
+
+Examples
+--------
+>>> from piezo_ros.model import MaxwellResistiveCapacitor
+>>> time = np.arange(4000) / 500.0
+>>> voltage_v = 4.0 * (1.0 - time / 8.0) * np.sin(2.0 * np.pi * time)
+>>> stage = MaxwellResistiveCapacitor((4.0, 15.0, 1.3), (0.05, 0.2))
+>>> displacement_um = stage.forward(voltage_v)[0]
+>>> fit = fit_hysteresis(voltage_v, displacement_um, elements=2)
+>>> np.round(fit.parameters.kappa_um_per_v, 3)
+array([ 4. , 15. ,  1.3])
+>>> np.round(fit.parameters.saturation_v, 3)
+array([0.05, 0.2 ])
+
+"""
 
 import math
 from collections.abc import Sequence
@@ -45,7 +69,7 @@ __all__ = ['Coverage', 'HysteresisFit', 'fit_hysteresis']
 
 _MOST_ELEMENTS: Final = 50
 _MOST_AUTOMATIC_ELEMENTS: Final = 16
-# Numbers of elements in a row that bring nothing before the search ends.
+# The search ends after so many numbers of elements in a row without an improvement.
 _PATIENCE: Final = 3
 # Share of the least cross-validated error up to which fewer elements are preferred.
 _SUFFICIENT: Final = 1.01
@@ -56,7 +80,7 @@ _Floats = NDArray[np.float64]
 
 class Coverage(NamedTuple):
     """
-    The range that the excitation went through, and the one that was asked for.
+    The range of voltage that the excitation covers, and the one in which the model will be used.
 
     Attributes
     ----------
@@ -65,7 +89,7 @@ class Coverage(NamedTuple):
     minimum_um, maximum_um : float
         Measured displacements.
     wanted_v : tuple of float
-        Lowest and highest voltage asked for; the excited ones where nothing was.
+        Lowest and highest voltage of use; the excited ones where none were given.
 
     """
 
@@ -77,14 +101,14 @@ class Coverage(NamedTuple):
 
     @property
     def warning(self) -> str:
-        """What is not covered, in one sentence; empty if all is."""
+        """The part that is not covered, in one sentence; empty if there is none."""
         low, high = self.wanted_v
         if self.minimum_v <= low and high <= self.maximum_v:
             return ''
         return (
             f'the excitation covers {self.minimum_v:g} … {self.maximum_v:g} V of the '
-            f'{low:g} … {high:g} V asked for; beyond it the model runs on straight, without the '
-            'hysteresis that nothing has shown')
+            f'{low:g} … {high:g} V asked for; beyond it the model is a straight line without '
+            'hysteresis')
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,7 +121,7 @@ class HysteresisFit:
     parameters : HysteresisParameters
         The elements in the order in which they saturate; always monotone and invertible.
     kappa_standard_error_um_per_v : ndarray, shape (n + 1,)
-        Standard errors of the compliances; not a number for an element that the data do not need.
+        Standard errors of the compliances; NaN for an element that the data do not need.
     saturation_standard_error_v : ndarray, shape (n,)
         Standard errors of the saturation voltages, likewise.
     delay_samples : float
@@ -105,13 +129,13 @@ class HysteresisFit:
     offset_um : float
         Displacement at rest; not part of the parameters.
     voltage_v, displacement_um : ndarray, shape (N,)
-        The data, all runs one behind the other.
+        The data, all runs concatenated.
     residual_um : ndarray, shape (N,)
-        Measured less predicted displacement; not a number where a sample was left out.
+        Measured minus predicted displacement; NaN where a sample was left out.
     rms_um : float
         Root mean square of the residual.
     coverage : Coverage
-        The range of the excitation; its `warning` says what is missing.
+        The range of the excitation; its `warning` names the part that is missing.
     cross_validated_rms_um : dict of int to float
         Number of elements to cross-validated rms error, where the number was chosen.
 
@@ -142,7 +166,7 @@ class HysteresisFit:
 
     def to_parameter_yaml(self, *, source: str) -> str:
         """
-        Return a ROS parameter file that makes a compensator of this hysteresis.
+        Return a ROS parameter file for the compensator node.
 
         Parameters
         ----------
@@ -178,21 +202,21 @@ def fit_hysteresis(
     """
     Identify the MRC hysteresis by bounded least squares, (5) in Liu 2015.
 
-    Best excited by a slow triangle of stepwise decreasing amplitude. A delay and an offset of the
-    displacement are estimated along with the hysteresis and taken out of it.
+    The best excitation is a slow triangle of stepwise decreasing amplitude. A delay and an offset
+    of the displacement are fitted too; they are not part of the hysteresis.
 
     Parameters
     ----------
     voltage_v : array_like, shape (N,), or sequence of such
         Voltage of one run, or of several.
     displacement_um : array_like, shape (N,), or sequence of such
-        Measured displacement; what is not finite is left out.
+        Measured displacement; values that are not finite are left out.
     elements : int or 'auto', optional
-        Number n of voltage-limited elements, 1 to 50; 'auto' takes the smallest one (up to
-        16) whose cross-validated error is within 1 % of the least.
+        Number n of voltage-limited elements, 1 to 50; 'auto' takes the smallest one (up to 16) with
+        a cross-validated error within 1 % of the least.
     virgin : bool, optional
         Whether each run starts from a virgin stage. If not, samples before the largest voltage,
-        where the stage forgets its past, are left out.
+        which erases the earlier history, are left out.
     range_v : tuple of float, optional
         Lowest and highest voltage for which the model will be used, for `HysteresisFit.coverage`.
 
@@ -204,7 +228,7 @@ def fit_hysteresis(
     Raises
     ------
     ValueError
-        If the data cannot serve for an identification, or an argument is out of range.
+        If the data are not sufficient for an identification, or an argument is out of range.
 
     """
     if elements != 'auto' and not (
@@ -223,7 +247,7 @@ def fit_hysteresis(
 
 
 def _choose_elements(preparation: Preparation) -> tuple[int, dict[int, float]]:
-    """Return the smallest sufficient number of elements, and the error of each one tried."""
+    """Return the smallest sufficient number of elements, and the error of each number tried."""
     records = thinned(preparation.records)
     errors: dict[int, float] = {}
     for elements in sorted(preparation.starts):
@@ -281,17 +305,17 @@ def _result(
 def _standard_errors(
     preparation: Preparation, fit: MrcFit, residual: _Floats, jacobian: _Floats,
 ) -> _Floats:
-    """Return the standard errors of (kappa, u_S), correlation of the residual respected."""
+    """Return the standard errors of (kappa, u_S), with the correlation of the residual."""
     theta, normal = fit
     plays = theta.size // 2 - 1
     reach_v = max(float(np.max(np.abs(record.voltage_v))) for record in preparation.records)
     lower, upper = play_bounds(theta, reach_v, preparation.delay_bounds)
     free = (theta > lower) & (theta < upper) & (np.diag(normal.curvature) > 0.0)
-    # A play at its smallest share tells nothing, its threshold no more than its compliance.
+    # A play at its smallest share is undetermined, both its compliance and its threshold.
     known = (theta[1:plays + 1] > 1.01 * lower[1:plays + 1]) & free[plays + 1:2 * plays + 1]
     free[1:plays + 1] = known
     free[plays + 1:2 * plays + 1] = known
-    # In units of each parameter's own sensitivity, for the sake of the inverse.
+    # Each parameter scaled by its sensitivity: the matrix to invert is better conditioned.
     length = np.sqrt(np.diag(normal.curvature)[free])
     inverse = np.linalg.pinv(
         normal.curvature[np.ix_(free, free)] / np.outer(length, length), hermitian=True)
@@ -307,7 +331,7 @@ def _standard_errors(
 
 
 def _correlation_samples(residual: _Floats) -> float:
-    """Return how many samples of the residual carry the information of one independent one."""
+    """Return the number of correlated samples that are worth one independent sample."""
     spectrum = np.fft.rfft(residual - residual.mean(), 2 * residual.size)
     correlation = np.fft.irfft(np.abs(spectrum) ** 2)[:residual.size]
     if correlation[0] <= 0.0:

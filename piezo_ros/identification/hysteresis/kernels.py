@@ -12,7 +12,23 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Compiled kernels of the hysteresis identification: predictions with their derivatives."""
+"""
+Compiled kernels of the hysteresis identification: predictions with their derivatives.
+
+Play of threshold r, and a superposition of n plays:
+
+    P_k = max(u_k - r, min(u_k + r, P_{k-1})),   x_k = p_0 u_k + sum_i p_i P_k[r_i]
+
+Bouc-Wen model, implicit where h decays, so that no step, however coarse, makes h grow:
+
+    q_k = beta |du_k| + gamma du_k sign(h_{k-1})
+    h_k = (h_{k-1} + a du_k)/(1 + q_k) if q_k > 0 else (h_{k-1} + a du_k)(1 - q_k)
+    x_k = d u_k - h_k + offset
+
+Delay of d samples, with the share s that `delayed` returns:
+
+    x(k - d) = x_{j-1} + s (x_j - x_{j-1})
+"""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,11 +48,11 @@ def play_chunk(
     """
     Predict some samples of a delayed superposition of plays and differentiate by every parameter.
 
-    ``theta`` is (p_0 … p_n, r_1 … r_n, delay, offset). The prediction lies between what the last
-    voltage and the present one cause, ``share`` being that of the present one. A play that is
-    pushed along takes its derivative from what pushes it, one at rest keeps that of the sample at
-    which it came to rest; ``play_v`` and ``by_threshold``, shape (n,), and ``last``, the last
-    voltage and displacement, hold this between chunks. Samples without weight get no row of the
+    ``theta`` is (p_0 … p_n, r_1 … r_n, delay, offset). The prediction is interpolated between the
+    displacements of the last and the present voltage, with the weight ``share`` of the present one.
+    A moving play has the derivative -1 or +1 by its threshold; a play at rest keeps the derivative
+    that it had when it stopped. The state between chunks is ``play_v`` and ``by_threshold``, shape
+    (n,), and ``last``, the last voltage and displacement. Samples without weight get no row of the
     Jacobian; the number of rows is returned.
     """
     plays = play_v.size
@@ -85,8 +101,7 @@ def bouc_wen_chunk(
     """
     Predict some samples of the Bouc-Wen model and differentiate by every parameter.
 
-    ``theta`` is (d, a, beta, gamma, offset) of ``x = d u - h + offset`` and
-    ``dh = a du - beta |du| h - gamma du |h|``; ``state`` is (u, h, dh/da, dh/dbeta, dh/dgamma).
+    ``theta`` is (d, a, beta, gamma, offset), ``state`` is (u, h, dh/da, dh/dbeta, dh/dgamma).
     Samples without weight get no row of the Jacobian; the number of rows is returned.
     """
     row = 0
@@ -97,7 +112,6 @@ def bouc_wen_chunk(
         size = abs(change)
         held = state[1]
         sign = 1.0 if held >= 0.0 else -1.0
-        # Implicit in what decays: no step, however coarse, can make it grow.
         rate = beta * size + gamma * change * sign
         keep = 1.0 / (1.0 + rate) if rate > 0.0 else 1.0 - rate
         grown = held + a * change
@@ -120,7 +134,7 @@ def bouc_wen_chunk(
 
 @kernel
 def find_reversals(voltage_v: _Floats, band_v: float, reversals: NDArray[np.int64]) -> int:
-    """Fill ``reversals`` with the extremes that differ by more than a band; return how many."""
+    """Fill ``reversals`` with the indices of turns by more than a band; return their number."""
     count = 0
     highest = 0
     lowest = 0

@@ -12,7 +12,32 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Least squares within bounds for few parameters and any number of samples."""
+"""
+Least squares within bounds for few parameters and any number of samples.
+
+The projected Levenberg-Marquardt method on the normal equations. With residual e, Jacobian J of the
+prediction, and scale D = diag(J'J)^(-1/2), a step of the parameters that no bound holds is
+
+    step = D (D J'J D + damping I)^(-1) D J'e,   theta -> clip(theta + step, lower, upper)
+
+Only J'J, J'e and e'e are kept, so that a record of any length needs little memory.
+
+Examples
+--------
+A straight line through three points, its slope bounded to 1 at most:
+
+>>> import numpy as np
+>>> x, y = np.array([0.0, 1.0, 2.0]), np.array([1.0, 3.0, 5.0])
+>>> jacobian = np.stack([x, np.ones(3)], axis=1)
+>>> def evaluate(theta):
+...     error = y - jacobian @ theta
+...     return NormalEquations(error @ error, jacobian.T @ error, jacobian.T @ jacobian, 3)
+>>> theta, _ = minimise(
+...     evaluate, np.zeros(2), np.array([0.0, -np.inf]), np.array([1.0, np.inf]))
+>>> theta.round(6)
+array([1., 2.])
+
+"""
 
 from collections.abc import Callable
 from typing import Final, NamedTuple
@@ -22,7 +47,7 @@ from numpy.typing import NDArray
 
 __all__ = ['NormalEquations', 'minimise']
 
-# Reduction of the sum of squares, relative, below which a step counts as the last but one.
+# Relative reduction of the sum of squares; two steps in a row below it end the search.
 _SMALLEST_REDUCTION: Final = 1e-9
 _LARGEST_DAMPING: Final = 1e10
 
@@ -31,7 +56,7 @@ _Floats = NDArray[np.float64]
 
 class NormalEquations(NamedTuple):
     """
-    What least squares needs to know about all samples at one set of m parameters.
+    The sums over all samples that least squares needs, at one set of m parameters.
 
     Attributes
     ----------
@@ -103,7 +128,7 @@ def minimise(
 def _step(
     theta: _Floats, normal: NormalEquations, damping: float, lower: _Floats, upper: _Floats,
 ) -> _Floats:
-    """Return the damped step of the parameters that no bound holds back."""
+    """Return the damped step of the parameters that are free of their bounds, 0 for the others."""
     held = ((theta <= lower) & (normal.gradient <= 0.0)) | (
         (theta >= upper) & (normal.gradient >= 0.0))
     free = np.flatnonzero(~held & (np.diag(normal.curvature) > 0.0))

@@ -12,7 +12,11 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Hysteresis models compared on the same data."""
+"""
+Hysteresis models compared on the same data, by residual and by cross-validation.
+
+MRC; Prandtl-Ishlinskii; Bouc-Wen; and x = sum_{j <= 5} a_j u^j, a polynomial without memory.
+"""
 
 import math
 from collections.abc import Callable, Sequence
@@ -46,21 +50,21 @@ _FitAndPredict = Callable[[Sequence[Record]], list[_Floats]]
 @dataclass(frozen=True, kw_only=True)
 class ModelScore:
     """
-    How well one model describes the data.
+    The residual and the cross-validated error of one model.
 
     Attributes
     ----------
     name : str
-        The model.
+        Name of the model.
     parameters_count : int
-        Its fitted parameters; delay and offset, which all models share, do not count.
+        Number of fitted parameters, without delay and offset, which all models have.
     rms_um : float
         Root mean square of the residual, the model fitted to all data.
     cross_validated_rms_um : float
-        The same on data that the fit did not see.
+        Root mean square of the error on the folds that were left out of the fit.
     residual_um : ndarray, shape (N,)
-        Measured less predicted displacement of the fit to all data; not a number where a sample
-        was left out.
+        Measured minus predicted displacement of the fit to all data; NaN where a sample was left
+        out.
 
     """
 
@@ -78,14 +82,14 @@ def compare_hysteresis_models(
     """
     Fit several hysteresis models to the same data.
 
-    All of them see the voltage delayed by what the MRC fit found.
+    All of them get the voltage with the delay that the MRC fit found.
 
     Parameters
     ----------
     voltage_v : array_like, shape (N,), or sequence of such
         Voltage of one run, or of several.
     displacement_um : array_like, shape (N,), or sequence of such
-        Measured displacement; what is not finite is left out.
+        Measured displacement; values that are not finite are left out.
     elements : int, optional
         Number of MRC elements and of Prandtl-Ishlinskii plays.
     virgin : bool, optional
@@ -100,7 +104,7 @@ def compare_hysteresis_models(
     Raises
     ------
     ValueError
-        If the data cannot serve for an identification.
+        If the data are not sufficient for an identification.
 
     """
     preparation = prepare(

@@ -16,14 +16,28 @@
 The Maxwell resistive capacitor (MRC) model fitted to recorded voltage and displacement.
 
 Forward, from voltage to displacement, the MRC model of n limited elements (Section 2 in Liu 2015)
-is a superposition of n plays with thresholds in volts,
+is a superposition of n plays with thresholds r_i in volts,
 
-    x = p_0 u + sum_i p_i P[r_i](u),   p_0 > 0, p_i >= 0,
+    x = p_0 u + sum_i p_i P[r_i](u),   p_0 > 0, p_i >= 0
 
-with a one-to-one relation between (p, r) and (kappa, u_S), see `elements_of_plays`. The fit works
-on (p, r): the noise of the sensor sits on the predicted quantity and so cannot bias it, most
-parameters enter linearly, the others through the set of moving plays, and the bounds p_i > 0 are
-exactly what makes the result monotone and invertible.
+With the compliances c_i = p_0 + ... + p_i the elements follow one to one:
+
+    kappa_i = c_{i-1} c_i / p_i,   kappa_{n+1} = c_n
+    u_S,i = x(r_i)/kappa_i,   x(r_i) = sum_{j <= i} c_{j-1} (r_j - r_{j-1}),   r_0 = 0
+
+The fit, (5) in Liu 2015, works on (p, r). The noise of the sensor is then on the predicted
+quantity and cannot bias the parameters; most parameters enter linearly; and the bounds p_i > 0 are
+exactly the condition for a monotone and invertible model.
+
+Examples
+--------
+>>> theta = np.array([1.0, 0.5, 2.0, 0.0, 0.0])  # p_0, p_1 (um/V), r_1 (V), delay, offset
+>>> kappa_um_per_v, saturation_v, _ = elements_of_plays(theta)
+>>> kappa_um_per_v
+array([3. , 1.5])
+>>> saturation_v.round(6)
+array([0.666667])
+
 """
 
 from collections.abc import Sequence
@@ -47,14 +61,14 @@ __all__ = [
 ]
 
 # Smallest compliance of a play, relative to the small-signal one; its element then has a kappa of
-# a million times the small-signal compliance and a saturation voltage that nobody can measure.
+# a million times the small-signal compliance and a saturation voltage too small to measure.
 SMALLEST_SHARE: Final = 1e-6
 
 _Floats = NDArray[np.float64]
 
 
 class PlayModel(NamedTuple):
-    """A superposition of plays; theta is (p_0 … p_n, r_1 … r_n, delay, offset)."""
+    """A superposition of n plays; theta is (p_0 … p_n, r_1 … r_n, delay, offset)."""
 
     plays: int
 
@@ -63,14 +77,14 @@ class PlayModel(NamedTuple):
         return float(theta[-2])
 
     def initial_state(self) -> tuple[_Floats, ...]:
-        """Return the plays of a virgin stage, their derivatives, last voltage and displacement."""
+        """Return plays, their derivatives, last voltage and displacement of a virgin stage."""
         return np.zeros(self.plays), np.zeros(self.plays), np.zeros(2)
 
     def fill(
         self, state: tuple[_Floats, ...], theta: _Floats, share: float, voltage_v: _Floats,
         weight: _Floats, prediction_um: _Floats, jacobian: _Floats,
     ) -> int:
-        """Predict N samples, differentiate those of weight 1 and move the state on."""
+        """Predict N samples, see `ChunkModel.fill`."""
         from piezo_ros.identification.hysteresis.kernels import play_chunk
         play_v, by_threshold, last = state
         return play_chunk(
@@ -180,11 +194,10 @@ def play_bounds(
 
 def elements_of_plays(theta: _Floats) -> tuple[_Floats, _Floats, _Floats]:
     """
-    Return the MRC elements that a superposition of plays stands for.
+    Return the MRC elements that are equivalent to a superposition of plays.
 
     On the virgin curve play i starts to move where element i saturates; the compliance grows from
-    c_{i-1} to c_i = p_0 + … + p_i there. Hence kappa_i = c_{i-1} c_i / p_i, kappa_{n+1} = c_n and
-    u_S,i = x(r_i) / kappa_i.
+    c_{i-1} to c_i there.
 
     Parameters
     ----------

@@ -66,17 +66,17 @@ _Floats = NDArray[np.float64]
 
 class Preparation(NamedTuple):
     """
-    What every fit to the same data starts from.
+    Starting values and bounds of every fit to the same data.
 
     Attributes
     ----------
     records : list of Record
-        The data, turns of the voltage that a lag has not settled after left out.
+        The data without the samples after each turn of the voltage in which a lag has not settled.
     starts : dict of int to ndarray, shape (2n + 3,)
         Number n of elements to starting values of theta.
     delay_bounds : tuple of float
-        Where the delay lies, samples: with too few elements to describe the hysteresis a fit
-        would take an absurd delay for the width of the loop.
+        Bounds of the delay, samples. Without them a fit of too few elements would describe the
+        width of the loop by an absurd delay.
 
     """
 
@@ -91,8 +91,8 @@ def prepare(
     """
     Find starting values for several numbers of elements, and the delay.
 
-    The rising curve gives more plays than wanted; fitted to all branches, they are given up one
-    by one, the least useful first, so that none of the wanted ones ends in a wrong place.
+    The rising curve gives more plays than wanted. They are fitted to all branches and removed one
+    by one, the weakest first, so that the remaining ones end near the optimum.
 
     Parameters
     ----------
@@ -124,7 +124,6 @@ def prepare(
                 few, theta, plays_of_rising_curve(*curve, plays), delay_bounds)
         if plays <= min(wanted):
             return Preparation(settled, starts, delay_bounds)
-        # The last plays to go are hardly weaker than those that stay: let all samples decide.
         deciding = settled if plays <= min(wanted) + _CONTESTED_PLAYS + 1 else few
         theta, normal = fit_plays(
             deciding, _without_weakest(theta, normal), delay_bounds, _STEPS_PER_PLAY)
@@ -140,13 +139,13 @@ def _better_start(
     records: Sequence[Record], left_over: _Floats, of_curve: _Floats,
     delay_bounds: tuple[float, float],
 ) -> _Floats:
-    """Return the better fit: the few plays left over need not be the best few."""
+    """Return the better of two fits: the few plays left over need not be the best few."""
     fits = [fit_plays(records, start, delay_bounds, _RICH_STEPS) for start in (left_over, of_curve)]
     return min(fits, key=lambda fit: fit[1].cost)[0]
 
 
 def _inverse(curvature: _Floats) -> _Floats:
-    """Return the inverse, of plays that never move too: as if they were known only vaguely."""
+    """Return the inverse, regularised where a play never moves and its row is zero."""
     length = np.sqrt(np.diag(curvature))
     length = np.where(length > 0.0, length, 1.0)
     scaled = curvature / np.outer(length, length)
@@ -155,7 +154,7 @@ def _inverse(curvature: _Floats) -> _Floats:
 
 
 def thinned(records: Sequence[Record]) -> list[Record]:
-    """Leave out all but some thousands of displacements; the model still sees every voltage."""
+    """Return records with weight on some thousands of samples; every voltage is kept."""
     total = sum(record.voltage_v.size for record in records)
     stride = -(-total // _THINNED_SAMPLES)
     few = []
@@ -167,7 +166,7 @@ def thinned(records: Sequence[Record]) -> list[Record]:
 
 
 def _without_weakest(theta: _Floats, normal: NormalEquations) -> _Floats:
-    """Remove the play whose loss, all others adapting to it, costs least (to second order)."""
+    """Return theta without the play of least effect on the cost, see the module."""
     plays = number_of_plays(theta)
     weights = slice(1, plays + 1)
     loss = theta[weights] ** 2 / np.diag(_inverse(normal.curvature))[weights]
@@ -185,7 +184,7 @@ def rising_curve(record: Record, *, virgin: bool = True) -> tuple[_Floats, _Floa
         The data.
     virgin : bool, optional
         Whether it starts with that curve. If not, the branch that starts at the largest voltage is
-        taken instead: it is the virgin curve at twice the scale.
+        used: it is the virgin curve at twice the scale.
 
     Returns
     -------
@@ -226,8 +225,8 @@ def plays_of_rising_curve(
     """
     Fit n + 1 linear pieces to the rising curve: starting values, step (a) in Liu 2015.
 
-    Non-negative least squares on a fine grid of thresholds finds the bends; neighbours are then
-    merged, those first that change the curve least, until n are left.
+    Non-negative least squares on a fine grid of thresholds finds the bends. Neighbours are then
+    merged, those with the least effect on the curve first, until n are left.
 
     Parameters
     ----------
@@ -286,9 +285,9 @@ def _split(
 
 def _without_turns(records: Sequence[Record], delay_samples: float) -> list[Record]:
     """
-    Leave out what follows each turn of the voltage until a lag has settled.
+    Return the records without the samples after each turn in which a lag has not settled.
 
-    Along a branch a lag is a delay, which the fit knows; only at a turn the two differ.
+    Along a branch a first-order lag acts as a delay, which is fitted; at a turn the two differ.
     """
     if abs(delay_samples) < _NEGLIGIBLE_DELAY_SAMPLES:
         return list(records)
@@ -299,6 +298,6 @@ def _without_turns(records: Sequence[Record], delay_samples: float) -> list[Reco
         for turn in (0, *reversals_of(record.voltage_v)):
             weight[max(turn - 1, 0):turn + settling] = 0.0
         if weight.sum() < 0.5 * record.weight.sum():
-            return list(records)  # turns so dense that nothing would be left to fit
+            return list(records)  # too many turns: too few samples would be left to fit
         kept.append(replace(record, weight=weight))
     return kept

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The ROS parameter file of an identified hysteresis."""
+"""The ROS parameter file of the compensator, with the standard errors as comments."""
 
 from collections.abc import Sequence
 from typing import Final
@@ -51,7 +51,7 @@ def parameter_yaml(
     Returns
     -------
     str
-        YAML that both ``--params-file`` of ROS 2 and any other reader take for the same numbers.
+        YAML that ``--params-file`` of ROS 2 and other YAML parsers read as the same numbers.
 
     """
     lines = [f'model format_version: {_FORMAT_VERSION}', 'MRC hysteresis, identified by piezo_ros']

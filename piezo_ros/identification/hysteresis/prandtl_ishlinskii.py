@@ -13,9 +13,11 @@
 # limitations under the License.
 
 """
-The Prandtl-Ishlinskii model as it is commonly used: plays with equally spaced thresholds.
+The Prandtl-Ishlinskii model with equally spaced thresholds, as it is commonly used.
 
-With thresholds that are fitted too it is the MRC model itself, see
+    x = p_0 u + sum_i p_i P[r_i](u),   r_i = i max|u| / (n + 1),   p_i >= 0
+
+With thresholds that are fitted as well it is the MRC model, see
 `piezo_ros.identification.hysteresis.mrc_fit`.
 """
 

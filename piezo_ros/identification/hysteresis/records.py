@@ -12,7 +12,16 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Recorded voltages and displacements as the hysteresis fits see them, and their folds."""
+"""
+Recorded runs as the hysteresis fits need them: checks, delay, normal equations, cross-validation.
+
+A displacement that lags by d samples behind the voltage, n = floor(d):
+
+    x(k - d) = x_{k-n-1} + s (x_{k-n} - x_{k-n-1}),   s = 1 - (d - n)
+
+Cross-validation: each run is cut into 55 blocks, block b belongs to fold b mod 5. The score of a
+fold is its mean squared error under the model that is fitted to the other folds.
+"""
 
 import math
 from collections.abc import Callable, Iterator, Sequence
@@ -37,10 +46,10 @@ __all__ = [
 ]
 
 FOLDS: Final = 5
-# Blocks per fold; odd, so that the blocks of a fold fall on other phases of a periodic excitation.
+# Blocks per fold; odd, so that the blocks of a fold meet different phases of a periodic excitation.
 _BLOCKS_PER_FOLD: Final = 11
 _FEWEST_SAMPLES: Final = 100
-# Share of the peak-to-peak voltage by which it must come back to count as reversed.
+# Share of the peak-to-peak voltage by which the voltage must turn back to count as a reversal.
 _REVERSAL_SHARE: Final = 0.01
 _CHUNK_SAMPLES: Final = 4096  # the Jacobian of a chunk stays in the cache of the processor
 
@@ -85,11 +94,11 @@ class ChunkModel(Protocol):
         weight: _Floats, prediction_um: _Floats, jacobian: _Floats,
     ) -> int:
         """
-        Predict N samples, differentiate those of weight 1 and move the state on.
+        Predict N samples, differentiate those of weight 1 and advance the state.
 
-        The prediction is the displacement of the last voltage and ``share`` of the way to that of
-        the present one. Fills the prediction, shape (N,), and the first rows of the Jacobian,
-        shape (N, m); returns how many rows.
+        The prediction is interpolated between the displacements of the last and the present
+        voltage, with the weight ``share`` of the present one. Fills the prediction, shape (N,), and
+        the first rows of the Jacobian, shape (N, m); returns the number of rows.
         """
 
 
@@ -98,21 +107,21 @@ def make_records(
     *, virgin: bool = True,
 ) -> list[Record]:
     """
-    Check what was recorded and return it as records.
+    Check recorded runs and return them as records.
 
     Parameters
     ----------
     voltage_v, displacement_um : array_like, shape (N,), or sequence of such
         One run, or several. A displacement that is not finite is left out.
     virgin : bool, optional
-        Whether every run starts from a virgin stage; if not, what precedes the largest voltage is
-        left out, for there the stage forgets its past.
+        Whether every run starts from a virgin stage; if not, the samples before the largest voltage
+        are left out, because the largest voltage erases the earlier history.
 
     Raises
     ------
     ValueError
-        If the shapes do not belong together, a voltage is not finite, samples are too few, or
-        the voltage does not move.
+        If the shapes do not match, a voltage is not finite, samples are too few, or the voltage is
+        constant.
 
     """
     voltages, displacements = _as_list(voltage_v), _as_list(displacement_um)
@@ -164,19 +173,19 @@ def reversals_of(voltage_v: _Floats) -> NDArray[np.int64]:
 
 def delayed(values: _Floats, delay_samples: float) -> tuple[_Floats, float]:
     """
-    Return what a delayed signal lies between.
+    Return the two samples between which each sample of a delayed signal lies.
 
     Parameters
     ----------
     values : ndarray, shape (N,)
-        The signal; before its first and behind its last sample it is held.
+        The signal; it is held before its first and after its last sample.
     delay_samples : float
         Delay d, negative for an advance.
 
     Returns
     -------
     later : ndarray, shape (N + 1,)
-        The signal by whole samples, one sample more in front.
+        The signal delayed by whole samples, with one more sample in front.
     share : float
         ``values[k - d]`` is ``later[k] + share * (later[k + 1] - later[k])``.
 
@@ -189,7 +198,19 @@ def delayed(values: _Floats, delay_samples: float) -> tuple[_Floats, float]:
 def accumulate(
     model: ChunkModel, records: Sequence[Record], theta: _Floats,
 ) -> NormalEquations:
-    """Return the normal equations of a model over all records."""
+    """
+    Return the normal equations of a model over all records.
+
+    Parameters
+    ----------
+    model : ChunkModel
+        The model, with m parameters.
+    records : sequence of Record
+        The data; only samples of weight 1 count.
+    theta : ndarray, shape (m,)
+        Parameters.
+
+    """
     size = theta.size
     cost, gradient, curvature, samples = 0.0, np.zeros(size), np.zeros((size, size)), 0
     jacobian = np.empty((_CHUNK_SAMPLES, size))
@@ -205,7 +226,24 @@ def accumulate(
 
 
 def predict(model: ChunkModel, records: Sequence[Record], theta: _Floats) -> list[_Floats]:
-    """Return the displacement that a model predicts for every record, micrometres."""
+    """
+    Return the displacement that a model predicts for every record.
+
+    Parameters
+    ----------
+    model : ChunkModel
+        The model, with m parameters.
+    records : sequence of Record
+        The data; only the voltage is used.
+    theta : ndarray, shape (m,)
+        Parameters.
+
+    Returns
+    -------
+    list of ndarray, shape (N,)
+        Displacement of each record, micrometres.
+
+    """
     no_rows = np.empty((0, theta.size))
     return [
         np.concatenate([
@@ -218,11 +256,11 @@ def predict(model: ChunkModel, records: Sequence[Record], theta: _Floats) -> lis
 def _chunks(
     model: ChunkModel, record: Record, theta: _Floats, weight: _Floats, jacobian: _Floats,
 ) -> Iterator[tuple[slice, _Floats, int]]:
-    """Run a model through a record; yield slice, prediction and rows of the Jacobian."""
+    """Run a model through a record; yield slice, prediction and number of rows of the Jacobian."""
     voltage, share = delayed(record.voltage_v, model.delay(theta))
     state = model.initial_state()
     prediction = np.empty(_CHUNK_SAMPLES)
-    # Only to have a last voltage and its displacement.
+    # The first sample only sets the last voltage and its displacement.
     model.fill(state, theta, share, voltage[:1], np.zeros(1), prediction, jacobian)
     for first in range(0, weight.size, _CHUNK_SAMPLES):
         chunk = slice(first, min(first + _CHUNK_SAMPLES, weight.size))
@@ -235,7 +273,7 @@ def _chunks(
 def concatenated_residual(
     records: Sequence[Record], predictions: Sequence[_Floats],
 ) -> _Floats:
-    """Return measured less predicted displacement of all records, nan where left out."""
+    """Return measured minus predicted displacement of all records, NaN where left out."""
     return np.concatenate([
         np.where(record.weight > 0.0, record.displacement_um - prediction, np.nan)
         for record, prediction in zip(records, predictions, strict=True)])
@@ -247,15 +285,15 @@ def cross_validate(
     """
     Return the mean squared error of each fold as predicted from the others.
 
-    The folds interleave in blocks; the model's memory runs through left-out blocks, whose voltage
-    it may see but not their displacement.
+    The folds are interleaved blocks. In a block that is left out the model still follows the
+    voltage, as its memory needs it; the displacement there is not used.
 
     Parameters
     ----------
     records : sequence of Record
         All data.
     fit_and_predict : callable
-        Records to the predictions for the same records by the model fitted to them.
+        Fits a model to the records and returns its predictions for the same records.
 
     Returns
     -------

@@ -31,7 +31,8 @@ Examples
 >>> from piezo_ros.control import ControllerParameters, TrajectoryParameters
 >>> from piezo_ros.model import RigParameters
 >>> point = predict_operating_point(
-...     RigParameters(), TrajectoryParameters(amplitude_um=1.0, frequency_hz=200.0),
+...     RigParameters(gain_mismatch=-0.05),
+...     TrajectoryParameters(amplitude_um=1.0, frequency_hz=200.0),
 ...     ControllerParameters(), harmonics_open=False)
 >>> point.scheme
 'fbff'
@@ -244,7 +245,7 @@ def choose_harmonics(
     ParameterError
         If the scheme has no feedforward, or the waveform no Fourier series.
     ValueError
-        If ``highest`` is below 1, or the run is shorter than what is scored.
+        If ``highest`` is below 1, or the run has fewer periods than are scored.
 
     """
     if not controller.uses_feedforward:
@@ -304,7 +305,7 @@ def predict_operating_point(
     ParameterError
         If the waveform has no Fourier series.
     ValueError
-        If both gains are 0, or the run is shorter than what is scored.
+        If both gains are 0, or the run has fewer periods than are scored.
 
     """
     dynamics = LinearDynamics(model.true_dynamics) if isinstance(model, RigParameters) else model
@@ -360,7 +361,7 @@ def predict_operating_points(
     uncertainty: Bound | None = None,
 ) -> tuple[OperatingPoint, ...]:
     """
-    Return what to use at several operating points.
+    Return the scheme and the number of harmonics to use at several operating points.
 
     Parameters
     ----------
@@ -429,8 +430,8 @@ def feedback_table(points: Sequence[OperatingPoint]) -> FeedbackTable:
     """
     Return, for each amplitude of some operating points, the frequency below which feedback helps.
 
-    Above the highest frequency of the points nothing was predicted: where feedback helps at all of
-    them, the table ends just above it.
+    Predictions end at the highest frequency of the points: where feedback helps at all of them, the
+    table has the next number above it.
 
     Parameters
     ----------

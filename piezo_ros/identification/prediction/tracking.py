@@ -13,14 +13,16 @@
 # limitations under the License.
 
 """
-The tracking error to expect of one run, from what is known of the rig.
+The tracking error to expect of one run, from a model of the plant or the rig.
 
-For harmonic k of the reference Y_d, with S = 1/(1 + K G), (16) in Liu 2015, the dynamics G, the
-feedforward F (the inverse model up to harmonic m, 0 beyond) and the controller K, (8):
+For harmonic k of the reference Y_d, with the dynamics G, the feedforward F (the inverse model up to
+harmonic m, 0 beyond), the controller K, (8) in Liu 2015, a measurement that is d samples old and
+S = 1/(1 + K G z^-d), (16):
 
-    ff:     U = F Y_d              E = Y_d - G U
-    fbff:   U = S (F + K) Y_d      E = Y_d - G U
-    fb:     U = S K Y_d            E = Y_d - G U
+    ff:     U = F Y_d
+    fbff:   U = S (F + K) Y_d
+    fb:     U = S K Y_d
+    E = Y_d - G U
 
 E is the known error: harmonics beyond m, the hold, a feedforward that inverts another model than G.
 A relative uncertainty |Delta| <= |W| adds |G U W|, (14), under feedback |S G U W|, (15). The two
@@ -159,8 +161,8 @@ def predict_tracking(
     Parameters
     ----------
     model : LinearDynamics, DynamicsFit, control.TransferFunction or RigParameters
-        What is known best of the compensated actuator; the feedforward inverts the dynamics in
-        ``trajectory``, which may be others. A rig (identified dynamics and hysteresis, slew limit
+        The best known model of the compensated actuator; the feedforward inverts the dynamics in
+        ``trajectory``, which may differ. A rig (identified dynamics and hysteresis, slew limit
         and rails of the amplifier) is simulated too. Its order should be ``physical``: a lumped rig
         predicts high harmonics that hysteresis before the mechanics does not produce.
     trajectory : TrajectoryParameters

@@ -13,10 +13,29 @@
 # limitations under the License.
 
 """
-Fit of the linear dynamics, (6) in Liu 2015 or any stable rational function, to a response.
+Linear dynamics G(s) fitted to a measured frequency response, with standard errors.
 
-What is fitted is the model sampled behind a zero-order hold, because that is what a record of
-v[k] -> y[k] shows: at 100 kHz the hold alone is 2.5 % at 800 Hz. The result is the continuous G(s).
+    G(s) = k (s^2 + b1 s + b2) / ((s + 1/tau)(s^2 + 2 z1 w1 s + w1^2)(s^2 + 2 z2 w2 s + w2^2))
+
+is (6) in Liu 2015; any other stable rational function, with a delay, can be fitted too. A record
+v[k] -> y[k] shows G behind the zero-order hold, so this sampled response is fitted: at 100 kHz the
+hold alone changes the response by 2.5 % at 800 Hz. The result is the continuous G(s).
+
+Examples
+--------
+A lag of 1 ms, 1/(s/1000 + 1), sampled every 0.1 ms behind a hold:
+
+>>> frequency_hz = np.geomspace(10.0, 1000.0, 20)
+>>> pole = math.exp(-0.1)
+>>> sampled = (1.0 - pole) / (np.exp(2j * np.pi * frequency_hz * 1e-4) - pole)
+>>> zeros = np.zeros(20)
+>>> measured = FrequencyResponse(
+...     frequency_hz, sampled, variance=zeros + 1e-8, coherence=zeros + 1.0, distortion=zeros,
+...     amplitude=zeros + 1.0, offset=zeros, sample_period_s=1e-4)
+>>> fit = fit_dynamics(measured, structure='rational', numerator_order=0, denominator_order=1)
+>>> round(fit.values['rate_1_rad_per_s'], 3)
+1000.0
+
 """
 
 import math
@@ -63,14 +82,13 @@ class DynamicsFit:
     parameters : DynamicsParameters or None
         The parameters of (6); None for another structure.
     values, standard_errors : mapping of str to float
-        Every fitted parameter by name and its standard error (from noise and, where points scatter
-        by more than noise, from that).
+        Every fitted parameter by name and its standard error, from the residual of the points.
     delay_s : float
-        Pure delay, known and fitted together; not part of `transfer_function`.
+        Pure delay, the known and the fitted part together; not part of `transfer_function`.
     sample_period_s : float
         Sample period of the record, seconds.
     reduced_chi_squared : float
-        Squared residual over what noise explains; far above 1 the structure is not quite right.
+        Squared residual over that of the noise; far above 1 the structure does not fit.
     model_error : float
         Error of the structure over the geometric mean of the response and its largest value, added
         to the noise when the points are weighted.
@@ -165,18 +183,18 @@ class DynamicsFit:
         Parameters
         ----------
         source : str
-            Where the record comes from, for instance the bag's name.
+            Origin of the record, for instance the name of the bag.
 
         Raises
         ------
         ValueError
-            If the structure is not (6): the node knows no other.
+            If the structure is not (6), the only one that the node has.
 
         """
         if self.parameters is None:
             raise ValueError(
-                f'structure {self.structure!r} has no parameter file: the trajectory node knows '
-                "'liu', (6), only")
+                f'structure {self.structure!r} has no parameter file: the trajectory node has '
+                "only 'liu', (6)")
         low, high = self.frequency_range_hz
         text = [
             '# Linear dynamics (6) identified by piezo_ros.',
@@ -222,9 +240,9 @@ def fit_dynamics(
     """
     Fit a stable continuous-time model to a sampled frequency response.
 
-    A linearised fit (Levy, reweighted after Sanathanan and Koerner) gives the start, least squares
-    weighted by the confidence of the points the result. Where the points scatter by more than
-    their noise, a model error is added to it, so that no point outweighs all others.
+    Linearised fits (Levy, reweighted after Sanathanan and Koerner) give the starts; then least
+    squares is weighted by the variance of the points. Where the residual is larger than the noise,
+    a model error is added to the variance, so that points of little noise do not dominate.
 
     Parameters
     ----------
@@ -233,14 +251,14 @@ def fit_dynamics(
     structure : str, optional
         ``'liu'`` for (6) in Liu 2015, or ``'rational'``.
     numerator_order, denominator_order : int, optional
-        Orders of a rational model; the numerator's is the smaller one, for a voltage that is
-        applied after the measurement cannot show in it.
+        Orders of a rational model. The numerator has the smaller one: y[k] is measured before v[k]
+        is applied and cannot depend on it.
     delay_samples : float, optional
         Known pure delay, in samples.
     fit_delay : bool, optional
         Fit a delay, which is then at least 0 and starts from `delay_samples`.
     maximum_frequency_hz : float, optional
-        Points above are ignored.
+        Points above it are ignored.
 
     Returns
     -------

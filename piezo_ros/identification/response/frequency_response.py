@@ -15,9 +15,29 @@
 """
 The frequency response of a periodically excited stage, with its confidence.
 
-Each point is a ratio of two phasors, output over input, fitted by least squares. Its variance is
-the larger of two estimates: the scatter from period to period (noise of any colour, drift) and the
-residual of the fit (which also sees what repeats in every period: converter steps, harmonics).
+With the phasors X of the input and Y of the output, fitted by least squares (see `line_fit`):
+
+    H = Y/X
+    variance = max(scatter, residual)
+    scatter  = sum_m |Y_m - H X_m|^2 / (M (M - 1) |X|^2)      over M groups of periods
+    residual = (s_y^2 + |H|^2 s_x^2) v / |X|^2                v: variance of a phasor for s = 1
+
+The scatter includes noise of any colour and drift; the residual also includes errors that repeat
+in every period, such as converter steps and harmonics.
+
+Examples
+--------
+>>> from piezo_ros.control.excitation import Window
+>>> k = np.arange(2000)
+>>> command_um = np.cos(2.0 * np.pi * 0.01 * k)
+>>> displacement_um = 0.5 * np.cos(2.0 * np.pi * 0.01 * (k - 5))  # 18 degrees late
+>>> measured = frequency_response(
+...     command_um, displacement_um, 1e-4, excitation=[Window(0, 2000, 100.0, (1,))])
+>>> measured.frequency_hz, np.abs(measured.response).round(6)
+(array([100.]), array([0.5]))
+>>> np.angle(measured.response, deg=True).round(6)
+array([-18.])
+
 """
 
 import dataclasses
@@ -36,11 +56,11 @@ __all__ = ['Amplifier', 'ExcludedPoint', 'FrequencyResponse', 'frequency_respons
 
 _HIGHEST_HARMONIC = 7
 _MOST_DETECTION_LINES = 40
-_RELATIVE_FLOOR = 1e-9  # of a response, below which no standard error is believed
+_RELATIVE_FLOOR = 1e-9  # smallest standard error, relative to the response
 
 
 class Amplifier(NamedTuple):
-    """What is known of the amplifier's limits; infinite where nothing is known."""
+    """Limits of the amplifier; infinite where unknown."""
 
     slew_limit_v_per_s: float = math.inf
     voltage_minimum_v: float = -math.inf
@@ -66,7 +86,7 @@ class FrequencyResponse:
     frequency_hz : ndarray, shape (N,)
         Frequencies, hertz.
     response : ndarray of complex, shape (N,)
-        Output over input; of a sampled record, so hold and sampling are part of it.
+        Output over input of a sampled record; includes the zero-order hold.
     variance : ndarray, shape (N,)
         ``E|error|**2`` of the response, half of it in the real part and half in the imaginary.
     coherence : ndarray, shape (N,)
@@ -81,7 +101,7 @@ class FrequencyResponse:
     sample_period_s : float
         Sample period of the record, seconds.
     excluded : tuple of ExcludedPoint
-        Points that were left out, and why.
+        Points that were left out, with the reason.
 
     """
 
@@ -107,12 +127,12 @@ class FrequencyResponse:
 
     def select(self, mask: ArrayLike) -> 'FrequencyResponse':
         """
-        Return some of the points; the list of those left out is kept.
+        Return some of the points; the list of excluded points is kept.
 
         Parameters
         ----------
         mask : array_like of bool or int, shape (N,)
-            What to keep, or an order.
+            The points to keep, or indices in a new order.
 
         """
         kept = np.asarray(mask)
@@ -130,7 +150,7 @@ _ARRAYS = (
 
 def merge(responses: Sequence[FrequencyResponse]) -> FrequencyResponse:
     """
-    Return the points of several records together, in order of frequency.
+    Return the points of several records in one response, in order of frequency.
 
     Parameters
     ----------
@@ -150,7 +170,7 @@ def merge(responses: Sequence[FrequencyResponse]) -> FrequencyResponse:
         if other.sample_period_s != first.sample_period_s:
             raise ValueError(
                 f'responses[{number}] has sample_period_s {other.sample_period_s:g} s and '
-                f'responses[0] {first.sample_period_s:g} s; the hold differs, they cannot be one')
+                f'responses[0] {first.sample_period_s:g} s; they must be equal')
     arrays = {
         field: np.concatenate([getattr(response, field) for response in responses])
         for field in _ARRAYS}
@@ -173,8 +193,8 @@ def frequency_response(
     """
     Return the frequency response of a record of a stepped sine or a multisine.
 
-    ``output[k]`` is measured at ``k * sample_period_s``, ``input_[k]`` acts from then on, and both
-    are counted from the same k: the response contains the zero-order hold.
+    ``output[k]`` is measured at ``k * sample_period_s``, ``input_[k]`` is held from then on: the
+    response includes the zero-order hold.
 
     Parameters
     ----------
@@ -185,16 +205,17 @@ def frequency_response(
     sample_period_s : float
         Sample period, seconds.
     excitation : Excitation or sequence of Window
-        Where in the record which frequencies are excited; everything else (the ramp to the
-        offset, transients) is ignored.
+        Samples of the record in which each frequency is excited; other samples (ramp to the
+        offset, transients) are ignored.
     voltage_v : array_like, shape (N,), optional
         Amplifier input, for the check against its limits; the input itself by default if
         `amplifier` is given.
     amplifier : Amplifier, optional
         Limits; points that reach one are left out.
     distortion_limit : float, optional
-        Points of more distortion are left out. It is a coarse sign of an amplifier that slews
-        or saturates, for the stage attenuates the harmonics; where the limit is known, give it.
+        Points of more distortion are left out. Distortion is a coarse sign of an amplifier that
+        slews or saturates, as the stage attenuates harmonics; where the limits are known, give
+        `amplifier`.
 
     Returns
     -------
@@ -231,7 +252,7 @@ def frequency_response(
 
 
 class _Stretch(NamedTuple):
-    """What one window gave, before the distortion is referred to the input."""
+    """Points of one window, before they are judged by their distortion."""
 
     frequency_hz: NDArray[np.float64]  # (L,)
     response: NDArray[np.complex128]
@@ -257,7 +278,7 @@ def _record(name: str, values: ArrayLike) -> NDArray[np.float64]:
 def _limit_reached(
     voltage_v: NDArray[np.float64], limits: Amplifier, sample_period_s: float,
 ) -> str:
-    """Return which limit of the amplifier a stretch reaches, empty for none."""
+    """Return the limit of the amplifier that a stretch reaches, in words; empty for none."""
     slew_step_v = limits.slew_limit_v_per_s * sample_period_s
     step_v = float(np.max(np.abs(np.diff(voltage_v)), initial=0.0))
     if step_v >= slew_step_v:
@@ -301,13 +322,13 @@ def _evaluate(
 
 
 def _distortion(fit: LineFit, count: int) -> float:
-    """Return what the output has at lines that are not excited over what it has at the others."""
+    """Return the output at lines that are not excited, relative to that at the excited ones."""
     noise = fit.residual_variance[1] * fit.unit_variance[count:]
     extra = np.maximum(np.abs(fit.phasor[1, count:])**2 - noise, 0.0)
     if extra.size == 0:
         return 0.0
     wanted = float(np.mean(np.abs(fit.phasor[1, :count])**2))
-    # All harmonics of a sine together, but of a multisine what is to be expected at one line.
+    # All harmonics of a sine together; for a multisine the mean per line.
     unwanted = float(extra.sum() if count == 1 else extra.mean())
     return math.sqrt(unwanted / wanted) if wanted > 0.0 else math.inf
 
@@ -350,7 +371,7 @@ def _confidence(
 def _assemble(
     stretches: list[_Stretch], sample_period_s: float, distortion_limit: float,
 ) -> FrequencyResponse:
-    """Judge every window by its distortion and put together those that pass."""
+    """Merge the windows that pass the limits; list the others with the reason."""
     kept: list[FrequencyResponse] = []
     excluded: list[ExcludedPoint] = []
     for stretch in stretches:

@@ -15,8 +15,19 @@
 """
 Sines and cosines at known frequencies, fitted to a stretch of a record by least squares.
 
-Unlike a DFT this needs neither a whole number of samples per period nor of periods per stretch.
-A constant and a straight drift are fitted along.
+    y[k] = sum_l (a_l cos(w_l k) + b_l sin(w_l k)) + c + d (k - k_mean)/N + e[k]
+    phasor Y_l = a_l - i b_l
+
+Unlike a DFT this needs no whole number of samples per period. Constant and drift are fitted too.
+
+Examples
+--------
+>>> k = np.arange(1000)
+>>> signal = 2.0 + 0.5 * np.cos(2.0 * np.pi * 0.0101 * k)
+>>> fit = fit_lines(signal[np.newaxis], 0, np.array([0.0101]), 1.0 / 0.0101)
+>>> round(abs(complex(fit.phasor[0, 0])), 6), round(float(fit.mean[0]), 6)
+(0.5, 2.0)
+
 """
 
 from typing import NamedTuple
@@ -27,20 +38,21 @@ from scipy.linalg import cho_factor, cho_solve
 
 __all__ = ['LineFit', 'fit_lines']
 
-_MOST_GROUPS = 24  # enough for a steady scatter; more would only make each group shorter
+_MOST_GROUPS = 24  # enough to estimate the scatter; more would only shorten each group
 
 
 class LineFit(NamedTuple):
     """
     Phasors Y of S signals at L lines: y = Re(Y exp(i w t)), t from the first sample of all.
 
-    The samples are split into M consecutive groups of whole periods to see the scatter.
+    The samples are split into M consecutive groups of whole periods; the scatter between them is
+    an estimate of the noise.
     """
 
     phasor: NDArray[np.complex128]  # (S, L)
-    deviation: NDArray[np.complex128]  # (M, S, L) of each group from the phasor of all
+    deviation: NDArray[np.complex128]  # (M, S, L) of each group from the phasor
     mean: NDArray[np.float64]  # (S,) the constant
-    residual_variance: NDArray[np.float64]  # (S,) of what the lines do not describe, per sample
+    residual_variance: NDArray[np.float64]  # (S,) of the residual, per sample
     unit_variance: NDArray[np.float64]  # (L,) E|Y|^2 for white noise of unit variance
 
 
@@ -56,7 +68,7 @@ def fit_lines(
     signals : ndarray, shape (S, N)
         The stretch, the same samples of every signal.
     first_index : int
-        Index of its first sample; the phases count from index 0.
+        Index of its first sample in the record; phases refer to index 0.
     turns_per_sample : ndarray, shape (L,)
         Frequencies over the sampling frequency.
     samples_per_period : float
@@ -75,7 +87,7 @@ def fit_lines(
     """
     lines = turns_per_sample.size
     columns = 2 * lines + 2
-    # Rounded generously: a stretch that is short of whole periods by rounding alone is whole.
+    # A stretch that misses a whole period by rounding alone counts as whole.
     periods = int(signals.shape[1] / samples_per_period + 1e-6)
     count = min(signals.shape[1], round(periods * samples_per_period))
     if periods < 1 or count <= columns:
@@ -86,7 +98,7 @@ def fit_lines(
     groups = _group_count(periods, count, columns)
     bounds = [round(periods * m / groups * samples_per_period) for m in range(groups)] + [count]
     mean = signals.mean(axis=1, keepdims=True)
-    centred = signals - mean  # the sums of squares below must not drown in the offset
+    centred = signals - mean  # a large offset would cancel the digits of the sums of squares
     grams = np.empty((groups, columns, columns))
     sides = np.empty((groups, columns, signals.shape[0]))
     drift = (np.arange(count) - 0.5 * (count - 1)) / count
@@ -100,10 +112,10 @@ def fit_lines(
     factor = cho_factor(gram)
     solution = cho_solve(factor, side)
     squares = np.einsum('sn,sn->s', centred[:, :count], centred[:, :count])
-    # Clipped: for an exact fit the difference is rounding of either sign.
+    # For an exact fit the difference is rounding and may be negative.
     left = np.maximum(squares - np.einsum('cs,cs->s', solution, side), 0.0)
     inverse_diagonal = np.diag(cho_solve(factor, np.eye(columns)))
-    # The drift belongs to the whole; within a group it would only inflate the scatter.
+    # The drift is fitted to all samples only: within a group it would inflate the scatter.
     kept = slice(0, columns - 1)
     deviation = np.stack([
         _phasors(np.linalg.solve(

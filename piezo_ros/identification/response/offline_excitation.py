@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Plays an excitation through the simulated rig offline."""
+"""An excitation played through the simulated rig offline, to make records for identification."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -35,9 +35,9 @@ def run_excitation_offline(
     Parameters
     ----------
     plant : RigParameters
-        The rig, never driven before.
+        The rig; its hysteresis starts virgin.
     compensator : MaxwellResistiveCapacitor or None
-        Its inverse makes the voltage; None for the bare actuator: the command is the voltage.
+        Inverted to get the voltage; None for the bare actuator, where the command is the voltage.
     command : array_like, shape (N,)
         Commanded displacement, micrometres, or voltage, volts.
     sample_period_s : float

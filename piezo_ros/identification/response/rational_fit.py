@@ -180,7 +180,7 @@ class RationalFit(NamedTuple):
     covariance : ndarray, shape (P, P)
         Of the parameter vector, scaled by the residual that is left.
     reduced_chi_squared : float
-        Squared residual over what noise explains.
+        Squared residual over that of the noise.
     model_error : float
         Error of the structure, added to the noise in the weights.
 
@@ -208,12 +208,12 @@ def solve(problem: RationalProblem) -> RationalFit:
 
     """
     degrees = 2 * problem.frequency.size - problem.shape.size
-    # What chi squared exceeds in one of a thousand cases of noise alone.
+    # Noise alone exceeds this chi squared in one of a thousand cases.
     enough = 1.0 + 3.1 * math.sqrt(2.0 / degrees)
     best: _LocalOptimum | None = None
     for start in _starts(problem):
         refined = problem.refine(start, 0.0)
-        # Two starts that meet have found the optimum, and noise alone leaves nothing to look for.
+        # Two starts with the same result have found the optimum, and noise alone cannot be reduced.
         met = best is not None and abs(refined.squares - best.squares) < 1e-4 * best.squares
         if best is None or refined.squares < best.squares:
             best = refined
@@ -228,7 +228,7 @@ def solve(problem: RationalProblem) -> RationalFit:
             best = problem.refine(best.sections, model_error)
             if abs(model_error - before) < 1e-2 * model_error:
                 break
-    # Scaled by what is left over: the variances of the points are estimates themselves.
+    # Scaled by the residual: the variances of the points are themselves estimates.
     residual = problem.residual(best.sections, model_error)
     scale = float(residual @ residual) / degrees
     covariance = np.asarray(
@@ -237,7 +237,7 @@ def solve(problem: RationalProblem) -> RationalFit:
 
 
 def _model_error(problem: RationalProblem, sections: Sections, degrees: int) -> float:
-    """Return the model error that, added to the noise, explains the residual."""
+    """Return the model error for which the weighted squares equal the degrees of freedom."""
     value, _ = sampled_response(sections, problem.frequency, problem.sample_period)
     squares = 2.0 * np.abs(value - problem.measured)**2
 
@@ -252,7 +252,7 @@ def _model_error(problem: RationalProblem, sections: Sections, degrees: int) -> 
 
 
 def _starts(problem: RationalProblem) -> list[Sections]:
-    """Return starts in the order in which to try them: linearised fits, then spread poles."""
+    """Return starts, best first: linearised fits, and poles spread over the frequencies."""
     shape, omega = problem.shape, problem.frequency
     delays = [problem.delay]
     if shape.fits_delay:
@@ -263,7 +263,7 @@ def _starts(problem: RationalProblem) -> list[Sections]:
         continuous = problem.measured / hold * np.exp(1j * omega * delay)
         terms = np.asarray(
             (1j * omega)[:, None]**np.arange(shape.numerator_order + 1), dtype=np.complex128)
-        # Weighted by the noise, and evenly: points of little noise may not be all that counts.
+        # Weighted by the noise, and evenly: points of little noise may be few.
         for weight in (problem.weight(0.0), 1.0 / np.abs(problem.measured)):
             linear = start_from_response(shape, omega, continuous, weight)
             starts.append(linear._replace(delay=delay))

@@ -22,7 +22,19 @@ every model is stable, the n_m, and L. The sampled response is the sum over all 
 
     H(exp(i w T)) = (1 - exp(-i w T))/T sum_k G(s_k)/s_k,   s_k = i (w + 2 pi k/T),
 
-which is smooth in every parameter (poles may coincide) and takes any delay.
+which is smooth in every parameter (poles may coincide) and holds for any delay.
+
+Examples
+--------
+G(s) = 2/(s + 1) at s = i:
+
+>>> lag = Sections(np.zeros(1), np.empty(0), np.empty(0), np.array([2.0]), 0.0)
+>>> value, _ = response(lag, np.array([1j]))
+>>> value
+array([1.-1.j])
+>>> polynomials(lag, 1.0)
+(array([2.]), array([1., 1.]))
+
 """
 
 from typing import NamedTuple
@@ -36,8 +48,8 @@ __all__ = [
     'with_best_numerator',
 ]
 
-# Aliases on either side, by the relative degree; what is left out is below 1e-6 of the response.
-_ALIASES = {1: 12, 2: 12}
+# Aliases on either side, by the relative degree; the remainder is below 1e-6 of the response.
+_ALIASES_DEGREE_1_2 = 12
 _ALIASES_ELSE = 8
 _SANATHANAN_KOERNER_ROUNDS = 20
 
@@ -62,7 +74,7 @@ class Shape(NamedTuple):
 
 
 class Sections(NamedTuple):
-    """The parameters taken apart; frequencies in units of the reference frequency."""
+    """The parameters by their kind; frequencies in units of the reference frequency."""
 
     log_rate: NDArray[np.float64]  # (first_order,)
     log_frequency: NDArray[np.float64]  # (second_order,)
@@ -72,7 +84,7 @@ class Sections(NamedTuple):
 
     @classmethod
     def split(cls, shape: Shape, parameters: NDArray[np.float64], delay: float) -> 'Sections':
-        """Take a parameter vector apart; `delay` is added to the one that is fitted."""
+        """Return the sections of a parameter vector; `delay` is added to the fitted delay."""
         ends = np.cumsum([
             shape.first_order, shape.second_order, shape.second_order, shape.numerator_order + 1])
         rate, frequency, damping, numerator, rest = np.split(parameters, ends)
@@ -96,7 +108,14 @@ def response(
     sections : Sections
         The model.
     s : ndarray of complex
-        Where, in units of the reference frequency; any shape.
+        Complex frequencies in units of the reference frequency; any shape.
+
+    Returns
+    -------
+    value : ndarray of complex
+        G, of the shape of s.
+    derivatives : list of ndarray of complex
+        By every parameter, the last by the delay; each of the shape of s.
 
     """
     denominator = np.asarray(np.exp(s * sections.delay), dtype=np.complex128)
@@ -148,7 +167,7 @@ def sampled_response(
         Derivatives by each parameter, the last by the delay.
 
     """
-    count = _ALIASES.get(_relative_degree(sections), _ALIASES_ELSE)
+    count = _ALIASES_DEGREE_1_2 if _relative_degree(sections) <= 2 else _ALIASES_ELSE
     alias = np.arange(-count, count + 1) * (2.0 * np.pi / sample_period)
     s = 1j * (angular_frequency[:, None] + alias)
     turned: NDArray[np.complex128] = -np.expm1(-1j * angular_frequency * sample_period)
@@ -156,7 +175,7 @@ def sampled_response(
     value, derivatives = response(sections, s)
     sums = [(part / s).sum(axis=1) for part in (value, *derivatives)]
     if _relative_degree(sections) == 1:
-        # G/s falls with the square of s only: what the aliases beyond leave out is added.
+        # G/s falls only with the square of s: the sum beyond the aliases is added in closed form.
         rates, pairs = sections.log_rate.size, sections.log_frequency.size
         slope = float(np.exp(sections.log_rate.sum() + 2.0 * sections.log_frequency.sum()))
         high = slope * float(sections.numerator[-1])  # G(s) -> high/s
@@ -177,10 +196,10 @@ def _relative_degree(sections: Sections) -> int:
 def _ramp_tail(
     s: NDArray[np.complex128], delay: float, sample_period: float,
 ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-    """Return what sum exp(-s_k L)/s_k^2 over all k has beyond the aliases in s; d/dL of it."""
+    """Return sum exp(-s_k L)/s_k^2 over all k that are not in s, and its derivative by L."""
     whole, part = divmod(delay / sample_period, 1.0)
     z = np.exp(s[:, s.shape[1] // 2] * sample_period)
-    # The samples of a ramp that starts between two of them.
+    # z transform of a ramp that starts between two samples.
     ramp = sample_period**2 * z**-whole * (z / (z - 1.0)**2 - part / (z - 1.0))
     slope = -sample_period * z**-whole / (z - 1.0)
     decay = np.exp(-s * delay)
@@ -201,15 +220,20 @@ def start_from_response(
     angular_frequency : ndarray, shape (N,)
         In units of the reference frequency, best of order 1.
     continuous : ndarray of complex, shape (N,)
-        Response without hold and known delay.
+        Response divided by hold and known delay.
     weight : ndarray, shape (N,)
         Inverse standard errors.
+
+    Returns
+    -------
+    Sections
+        The model; its delay is 0.
 
     """
     s = 1j * angular_frequency
     zeros, poles = shape.numerator_order, shape.denominator_order
     numerator_terms = np.asarray(s[:, None]**np.arange(zeros + 1), dtype=np.complex128)
-    # The denominator's constant is one.
+    # The constant of the denominator is 1.
     denominator_terms = s[:, None]**np.arange(1, poles + 1)
     linear = np.hstack([numerator_terms, -continuous[:, None] * denominator_terms])
     present = np.ones_like(continuous)
@@ -237,13 +261,13 @@ def _sections_of(
     top = float(angular_frequency.max())
     poles = np.roots(denominator)
     poles = -np.abs(poles.real) + 1j * poles.imag
-    # Degenerate coefficients lose poles: replaced by fast ones.
+    # Coefficients that vanish lose poles, which are replaced by fast ones.
     missing = shape.denominator_order - poles.size
     poles = np.concatenate([poles, -3.0 * top * np.arange(1, missing + 1)])
     pairs = sorted(poles[poles.imag > 0.0].tolist(), key=abs)
     real = sorted(np.abs(poles[poles.imag == 0.0].real).tolist())
     sections = [(abs(pole), max(-pole.real / abs(pole), 1e-3)) for pole in pairs]
-    while len(sections) > shape.second_order:  # too few real poles: a pair becomes two
+    while len(sections) > shape.second_order:  # too few real poles: split a pair
         frequency, damping = max(sections, key=lambda section: section[1])
         sections.remove((frequency, damping))
         real = sorted([*real, frequency, frequency])
@@ -267,7 +291,19 @@ def with_best_numerator(
     angular_frequency: NDArray[np.float64], continuous: NDArray[np.complex128],
     weight: NDArray[np.float64],
 ) -> Sections:
-    """Return the same poles with the numerator that fits best (a linear problem)."""
+    """
+    Return the same poles with the numerator that fits best, a linear problem.
+
+    Parameters
+    ----------
+    poles : Sections
+        The poles; numerator and delay are not used.
+    numerator_terms : ndarray of complex, shape (N, n + 1)
+        Powers of s from 0 to n at every frequency.
+    angular_frequency, continuous, weight
+        As for `start_from_response`.
+
+    """
     value, _ = response(
         poles._replace(numerator=np.ones(1), delay=0.0),
         np.asarray(1j * angular_frequency, dtype=np.complex128))
@@ -281,7 +317,17 @@ def with_best_numerator(
 def polynomials(
     sections: Sections, reference: float,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return numerator and monic denominator in s, rad/s, highest power first."""
+    """
+    Return numerator and monic denominator in s, rad/s, highest power first.
+
+    Parameters
+    ----------
+    sections : Sections
+        The model.
+    reference : float
+        Reference frequency, rad/s.
+
+    """
     numerator = sections.numerator / reference**np.arange(sections.numerator.size)
     denominator = np.ones(1)
     for rate in np.exp(sections.log_rate) * reference:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A measured frequency response as a table, with the points that were left out."""
+"""A measured frequency response as CSV, with the points that were left out."""
 
 import csv
 import io
@@ -40,9 +40,9 @@ def response_csv(response: FrequencyResponse) -> str:
     Returns
     -------
     str
-        One line a point, by frequency: magnitude, phase (degrees), radius of the circle that holds
-        the truth in 95 % of cases, coherence (empty where there was one group of periods only),
-        distortion, amplitude and offset; and the reason where the point was left out.
+        One line per point, in order of frequency: magnitude, phase (degrees), radius of the circle
+        that holds the true response in 95 % of cases, coherence (empty where there was one group of
+        periods only), distortion, amplitude and offset; for a point left out the reason.
 
     """
     rows: list[tuple[float | str, ...]] = [

@@ -41,8 +41,7 @@ class FeedbackTable(NamedTuple):
     amplitude_um : tuple of float
         Amplitudes, ascending.
     frequency_hz : tuple of float
-        Frequency below which FBFF is predicted to have a smaller error than FF; 0 where it has one
-        at no frequency.
+        Frequency below which FBFF is predicted to have a smaller error than FF; 0 if there is none.
 
     """
 

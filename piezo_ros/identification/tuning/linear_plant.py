@@ -13,16 +13,30 @@
 # limitations under the License.
 
 """
-A linear actuator as loop shaping and tuning need it: G(s) with delay, continuous or sampled.
+A linear plant G(s) with delay, continuous or sampled behind a zero-order hold.
 
-The sampled one is exact: G behind a zero-order hold, v[k] -> y[k], any delay in whole samples and a
-fraction.
+With the state-space form (A, B, C) of G, the sample period T and the delay (n + r) T, 0 <= r < 1,
+the sampled plant v[k] -> y[k] is exact:
+
+    x[k+1] = exp(A T) x[k] + exp(A (1 - r) T) Phi(r T) B v[k-1] + Phi((1 - r) T) B v[k]
+    y[k] = C x[k-n],   Phi(t) = integral from 0 to t of exp(A s) ds
+
+Examples
+--------
+A lag of 1 ms sampled every 1 ms, behind a delay of half a sample:
+
+>>> lag = LinearPlant(np.array([1.0]), np.array([1e-3, 1.0]), delay_s=5e-4)
+>>> sampled = lag.sampled(1e-3)
+>>> sampled.system.b.round(4).ravel()
+array([0.3935, 1.    ])
+>>> round(abs(complex(sampled.response([1e-3])[0])), 6)
+1.0
+
 """
 
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
@@ -36,7 +50,7 @@ _FRACTION_FLOOR = 1e-9  # of a sample: a delay this close to whole samples is wh
 
 
 class SupportsPolynomials(Protocol):
-    """A rational G(s): `LinearDynamics`, `DynamicsFit`."""
+    """A model with a rational G(s): `LinearDynamics`, `DynamicsFit`."""
 
     @property
     def polynomials(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -53,7 +67,7 @@ class SupportsMagnitude(Protocol):
 
 @runtime_checkable
 class TransferFunction(Protocol):
-    """What is needed of a ``control.TransferFunction``."""
+    """The attributes of a ``control.TransferFunction`` that are used here."""
 
     num: Any
     den: Any
@@ -69,7 +83,7 @@ Bound: TypeAlias = (
 
 def bound_magnitude(bound: Bound, frequency_hz: ArrayLike) -> NDArray[np.float64]:
     """
-    Return |W| or a measured |Delta| at some frequencies.
+    Return |W|, or a measured |Delta|, at given frequencies.
 
     Parameters
     ----------
@@ -97,7 +111,7 @@ def bound_magnitude(bound: Bound, frequency_hz: ArrayLike) -> NDArray[np.float64
 @dataclass(frozen=True)
 class LinearPlant:
     """
-    G(s) with a pure delay.
+    A continuous plant G(s) with a pure delay.
 
     Attributes
     ----------
@@ -120,7 +134,7 @@ class LinearPlant:
         Parameters
         ----------
         model : LinearDynamics, DynamicsFit, control.TransferFunction or LinearPlant
-            The model; a ``delay_s`` of its own is kept.
+            The model; its ``delay_s``, if it has one, is kept.
 
         Raises
         ------
@@ -187,7 +201,7 @@ class LinearPlant:
         Raises
         ------
         ValueError
-            If G(s) does not fall off at high frequencies: y[k] would depend on v[k] itself.
+            If G(s) does not vanish at high frequencies: y[k] would depend on v[k].
 
         """
         order = self.denominator.size - 1
@@ -195,7 +209,7 @@ class LinearPlant:
             raise ValueError(
                 f'G(s) has the numerator order {self.numerator.size - 1} and the denominator '
                 f'order {order}, the numerator must be of lower order')
-        # Companion form in s over the mean pole frequency, whose entries are all near one.
+        # Companion form in s over the mean pole frequency: all entries are near one.
         scale = _mean_rate(self.poles_rad_per_s)
         powers = scale ** np.arange(order, -1, -1.0)
         leading = self.denominator[0] * powers[0]
@@ -222,25 +236,38 @@ class LinearPlant:
         Raises
         ------
         ValueError
-            If the period is not positive and finite, or G(s) does not fall off.
+            If the period is not positive and finite, or G(s) does not vanish at high frequencies.
 
         """
-        return _sampled(
-            tuple(self.numerator.tolist()), tuple(self.denominator.tolist()), self.delay_s,
-            sample_period_s)
+        system = self.state_space
+        discrete = discretise_zero_order_hold(system, sample_period_s)
+        whole = math.floor(self.delay_s / sample_period_s + _FRACTION_FLOOR)
+        late_s = self.delay_s - whole * sample_period_s
+        if late_s <= _FRACTION_FLOOR * sample_period_s:
+            return SampledPlant(discrete, whole, sample_period_s)
+        # v[k-1] acts during the first late_s of the period, v[k] during the rest.
+        order = system.a.shape[0]
+        early = discretise_zero_order_hold(system, sample_period_s - late_s)
+        late = discretise_zero_order_hold(system, late_s)
+        a = np.zeros((order + 1, order + 1))
+        a[:order, :order] = discrete.a
+        a[:order, order:] = early.a @ late.b
+        b = np.vstack([early.b, [[1.0]]])
+        c = np.hstack([discrete.c, [[0.0]]])
+        return SampledPlant(StateSpace(a, b, c, discrete.d), whole, sample_period_s)
 
 
 @dataclass(frozen=True)
 class SampledPlant:
     """
-    A plant at its samples.
+    A plant sampled behind a zero-order hold.
 
     Attributes
     ----------
     system : StateSpace
         ``x[k+1] = A x[k] + B v[k]``, ``C x[k]`` is the output before the whole delay.
     delay_samples : int
-        Whole samples by which the output is late.
+        Whole samples of delay of the output.
     sample_period_s : float
         Sample period, seconds.
 
@@ -268,30 +295,6 @@ class SampledPlant:
             np.broadcast_to(self.system.b, (z.size, order, 1)))
         value = (self.system.c @ states)[:, 0, 0] * z ** -float(self.delay_samples)
         return np.asarray(value.reshape(frequency.shape))
-
-
-@lru_cache(maxsize=64)
-def _sampled(
-    numerator: tuple[float, ...], denominator: tuple[float, ...], delay_s: float,
-    sample_period_s: float,
-) -> SampledPlant:
-    """Return a plant sampled behind a hold; predictions ask for the same one again and again."""
-    system = LinearPlant(np.array(numerator), np.array(denominator)).state_space
-    discrete = discretise_zero_order_hold(system, sample_period_s)
-    whole = math.floor(delay_s / sample_period_s + _FRACTION_FLOOR)
-    late_s = delay_s - whole * sample_period_s
-    if late_s <= _FRACTION_FLOOR * sample_period_s:
-        return SampledPlant(discrete, whole, sample_period_s)
-    # The input before the last acts for the late part of the period, the last one for the rest.
-    order = system.a.shape[0]
-    early = discretise_zero_order_hold(system, sample_period_s - late_s)
-    late = discretise_zero_order_hold(system, late_s)
-    a = np.zeros((order + 1, order + 1))
-    a[:order, :order] = discrete.a
-    a[:order, order:] = early.a @ late.b
-    b = np.vstack([early.b, [[1.0]]])
-    c = np.hstack([discrete.c, [[0.0]]])
-    return SampledPlant(StateSpace(a, b, c, discrete.d), whole, sample_period_s)
 
 
 def _mean_rate(poles_rad_per_s: NDArray[np.complex128]) -> float:

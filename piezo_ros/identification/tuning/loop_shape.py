@@ -15,10 +15,24 @@
 """
 The shape of the feedback loop: sensitivity, margins, bandwidth, robustness.
 
-    L = K G;   S = 1/(1 + L), (16) in Liu 2015;   T = L/(1 + L);   accepted when |W T| < 1, (10)
+    gain margin:           -1/L where Im L = 0, Re L < 0
+    phase margin:          arg(-L) where |L| = 1
+    delay margin:          phase margin/w
+    feedback acceptable:   |S| < 1, (18) in Liu 2015
+    robust:                |W T| < 1, (10)
 
-with K(s) = kP + kI/s, (8). A sampled loop is what the controller's step does: the backward
-rectangle rule for the integral, G behind a zero-order hold, a measurement that is some samples old.
+with L, S and T of `pi_loop`. Crossings are refined between the points of a grid of frequencies.
+
+Examples
+--------
+An integral loop around a lag tau of 1 ms, L = kI/(s (tau s + 1)), kI tau = 1:
+
+>>> from piezo_ros.identification.tuning.linear_plant import LinearPlant
+>>> lag = LinearPlant(np.array([1.0]), np.array([1e-3, 1.0]))
+>>> shape = loop_shape(lag, 0.0, 1e3)
+>>> shape.stable, round(shape.phase_margin_deg, 1), shape.gain_margin
+(True, 51.8, inf)
+
 """
 
 import math
@@ -42,32 +56,32 @@ _Floats = NDArray[np.float64]
 @dataclass(frozen=True)
 class LoopShape:
     """
-    What there is to say of a loop.
+    Margins, bandwidth, sensitivity and robustness of a loop.
 
     Attributes
     ----------
     loop : PiLoop
         Plant and gains.
     stable : bool
-        Whether the closed loop is stable; margins mean nothing where it is not.
+        Whether the closed loop is stable; margins are meaningless if not.
     gain_margin : float
-        Factor by which the gain may rise; infinite where the phase never crosses -180 degrees.
+        Factor by which the gain may rise; infinite if the phase does not cross -180 degrees.
     phase_margin_deg : float
-        Distance of the phase from -180 degrees where |L| = 1; infinite where it never is.
+        Distance of the phase from -180 degrees where |L| = 1; infinite if |L| is not 1 anywhere.
     delay_margin_s : float
-        Further delay that the loop bears, seconds.
+        Further delay at which the loop becomes unstable, seconds.
     crossover_frequency_hz : float
-        Highest frequency at which |L| = 1; 0 where it never is.
+        Highest frequency at which |L| = 1; 0 if there is none.
     feedback_acceptable_frequency_hz : float
         Where |S| first exceeds 1: below it feedback lessens the error of a sine, (18) in Liu 2015.
     bandwidth_hz : float
         Where |T| first falls 3 dB below its value at low frequencies.
     max_sensitivity, max_sensitivity_frequency_hz : float
-        Largest |S| and where.
+        Largest |S| and its frequency.
     weighted_peak : float or None
         Largest |W T|, (10) in Liu 2015; None without a bound W.
     frequency_hz : ndarray, shape (N,)
-        Frequencies for plots of `loop`'s responses, hertz.
+        Frequencies for plots of the responses of `loop`, hertz.
 
     """
 
@@ -90,7 +104,7 @@ class LoopShape:
         return 20.0 * math.log10(self.gain_margin) if self.gain_margin < math.inf else math.inf
 
     def record(self) -> dict[str, float | bool | None]:
-        """Return every scalar under its name, for report.json; None for what is not finite."""
+        """Return every scalar by its name, for report.json; None in place of infinity and NaN."""
         names = (
             'stable', 'gain_margin', 'phase_margin_deg', 'delay_margin_s',
             'crossover_frequency_hz', 'feedback_acceptable_frequency_hz', 'bandwidth_hz',
@@ -119,7 +133,7 @@ def loop_shape(
     Parameters
     ----------
     model : LinearDynamics, DynamicsFit or control.TransferFunction
-        G(s), (6) in Liu 2015 or any other that falls off at high frequencies.
+        G(s), (6) in Liu 2015 or any other that vanishes at high frequencies.
     proportional_gain : float
         kP of (8).
     integral_gain_per_s : float
@@ -134,12 +148,13 @@ def loop_shape(
     Returns
     -------
     LoopShape
-        The numbers.
+        Margins, bandwidth, sensitivity and robustness.
 
     Raises
     ------
     ValueError
-        If a gain or the period is out of range, both gains are 0, or G(s) does not fall off.
+        If a gain or the period is out of range, both gains are 0, or G(s) does not vanish at high
+        frequencies.
 
     """
     loop = PiLoop.of(
@@ -194,7 +209,7 @@ def _crossings(
 
 
 def _first_above(frequency_hz: _Floats, function: Callable[[ArrayLike], _Floats]) -> float:
-    """Return where a function first exceeds zero: 0 if from the start, infinite if never."""
+    """Return the frequency where a function first exceeds zero; 0 from the start, inf if never."""
     above = np.flatnonzero(function(frequency_hz) > 0.0)
     if above.size == 0:
         return math.inf
@@ -213,7 +228,7 @@ def _bandwidth(loop: PiLoop, frequency_hz: _Floats) -> float:
 def _largest(
     frequency_hz: _Floats, function: Callable[[ArrayLike], _Floats],
 ) -> tuple[float, float]:
-    """Return where a function is largest, and its value there."""
+    """Return the frequency of the largest value of a function, and the value."""
     values = function(frequency_hz)
     best = int(np.argmax(values))
     low, high = frequency_hz[max(best - 1, 0)], frequency_hz[min(best + 1, frequency_hz.size - 1)]

@@ -51,7 +51,7 @@ class PiLoop:
     Attributes
     ----------
     plant : LinearPlant
-        G(s).
+        The plant G(s).
     proportional_gain : float
         kP.
     integral_gain_per_s : float
@@ -94,7 +94,7 @@ class PiLoop:
         cls, model: Model, proportional_gain: float, integral_gain_per_s: float,
         sample_period_s: float | None = None, measurement_delay_samples: int = 0,
     ) -> 'PiLoop':
-        """Return the loop around any linear model; see `loop_shape` for the parameters."""
+        """Return the loop around a linear model; see `loop_shape` for the parameters."""
         plant = LinearPlant.of(model)
         sampled = None if sample_period_s is None else plant.sampled(sample_period_s)
         return cls(
@@ -107,7 +107,7 @@ class PiLoop:
         return None if self.sampled_plant is None else self.sampled_plant.sample_period_s
 
     def with_gains(self, proportional_gain: float, integral_gain_per_s: float) -> 'PiLoop':
-        """Return the same loop with other gains."""
+        """Return a copy with other gains."""
         return replace(
             self, proportional_gain=proportional_gain, integral_gain_per_s=integral_gain_per_s)
 
@@ -146,7 +146,7 @@ class PiLoop:
         return np.asarray(loop / (1.0 + loop))
 
     def frequencies_hz(self) -> _Floats:
-        """Return frequencies from below the slowest rate to the fastest, dense at resonances."""
+        """Return a grid from below the slowest rate to above the fastest, dense at resonances."""
         poles = self.plant.poles_rad_per_s
         rates = np.abs(poles)
         rates = rates[rates > 0.0]
@@ -171,8 +171,8 @@ class PiLoop:
         Parameters
         ----------
         step_s : float
-            Step of a continuous loop, whose reference is held in between, seconds; a sampled loop
-            has its own.
+            Step of a continuous loop, in which the reference is held, seconds; not used for a
+            sampled loop.
 
         Returns
         -------
@@ -187,7 +187,7 @@ class PiLoop:
         period_s = self.sampled_plant.sample_period_s
         plant_delay = self.sampled_plant.delay_samples
         delay = plant_delay + self.measurement_delay_samples
-        # States: plant, outputs y[k-1] … y[k-delay] before the plant's own delay, integral.
+        # States: plant, outputs y[k-1] … y[k-delay] before the delay of the plant, integral.
         size = order + delay + 1
         output, measured = np.zeros((1, size)), np.zeros((1, size))
         for row, age in ((output, plant_delay), (measured, delay)):
@@ -223,7 +223,7 @@ class PiLoop:
 
     def slowest_decay(self, step_s: float) -> float:
         """
-        Return by how much the slowest mode of the closed loop shrinks in a step, stable below 1.
+        Return the factor per step of the slowest mode of the closed loop; stable below 1.
 
         Parameters
         ----------
@@ -234,7 +234,7 @@ class PiLoop:
         sampled = self.sampled_plant is not None
         transition = (self.error_system(step_s) if sampled else self._continuous_error_system()).a
         if self.integral_gain_per_s == 0.0:
-            # What nothing is ever added to decides nothing.
+            # Without integral action the state of the integral stays 0: its mode does not count.
             transition = transition[:-1, :-1]
         eigenvalues = np.linalg.eigvals(transition)
         if sampled:

@@ -13,14 +13,28 @@
 # limitations under the License.
 
 """
-The PI gains: a start by the crossover method, then the smallest ITAE that robustness allows.
+The PI gains of least ITAE within limits of robustness, started by the crossover method.
 
-    ITAE = integral of t |e| dt, (9) in Liu 2015, subject to |W T| < 1, (10), a bound on |S| and the
-    delay of the loop
+    minimise ITAE = integral of t |e| dt, (9) in Liu 2015
+    subject to |W T| < 1, (10),   |S| <= limit,   a stable loop with its delay
 
-The two gains are searched as kP = t, kI = r t. Along a ray of fixed r the limits hold from zero up
-to some t, which is bisected; so every candidate is stable and within its limits, and nothing has to
-be differentiated.
+The search is over kP = g, kI = r g. Along a ray of fixed r the limits hold from g = 0 up to some g,
+which is found by bisection; so every candidate is stable and within the limits, and no derivatives
+are needed.
+
+Start: with the gain kU at which the proportional loop oscillates, and its period TU,
+
+    kP = 0.45 kU,   kI = 1.2 kP/TU
+
+Examples
+--------
+>>> from piezo_ros.model import LinearDynamics
+>>> tuning = tune_pi(LinearDynamics(), max_sensitivity=1.5)
+>>> tuning.active_limits
+('max_sensitivity',)
+>>> tuning.objective_after < tuning.objective_before
+True
+
 """
 
 import math
@@ -52,7 +66,7 @@ _MOST_STEPS: Final = 2**18
 # Rays from mostly proportional to all but purely integral, over the start's kI/kP.
 _RAYS: Final = np.geomspace(1e-2, 1e4, 25)
 _SHARES: Final = np.geomspace(1e-2, 1.0, 13)  # of the largest gain along a ray
-_LARGEST_GAIN: Final = 1e3  # over the ultimate gain; beyond it no limit counts as found
+_LARGEST_GAIN: Final = 1e3  # over the gain of the start; the search ends there
 _SMALLEST_GAIN: Final = 1e-6
 _BISECTIONS: Final = 24
 _LOG_TOLERANCE: Final = 1e-5
@@ -65,7 +79,7 @@ _Floats = NDArray[np.float64]
 @dataclass(frozen=True)
 class PiTuning:
     """
-    Tuned gains, and what they do.
+    Tuned gains, and the loops with them and with those of the start.
 
     Attributes
     ----------
@@ -74,11 +88,11 @@ class PiTuning:
     before, after : LoopShape
         The loop with the gains of the start and with the tuned ones.
     objective_before, objective_after : float
-        ITAE of both, um s^2 (of a unit step: s^2); infinite for an unstable loop.
+        ITAE of both, um s^2 (s^2 for a unit step); infinite for an unstable loop.
     max_sensitivity, uncertainty_limit : float
         The limits on |S| and |W T|.
     active_limits : tuple of str
-        Which of the limits the tuned gains come up against; empty at a free optimum.
+        The limits that the tuned gains reach; empty at a free optimum.
 
     """
 
@@ -108,7 +122,7 @@ class PiTuning:
         Parameters
         ----------
         source : str
-            Where the model comes from, for instance the name of its file.
+            Origin of the model, for instance the name of its file.
         table : FeedbackTable, optional
             Where feedback is acceptable, for the scheme auto; by default below |S| = 1, (18) in
             Liu 2015, at every amplitude.
@@ -147,7 +161,7 @@ def tune_pi(
     model : LinearDynamics, DynamicsFit or control.TransferFunction
         G(s), stable.
     bound : UncertaintyBound, control.TransferFunction or callable, optional
-        W(s), (19); without it (10) is not asked for.
+        W(s), (19); without it (10) is not required.
     objective : str or TrajectoryParameters, optional
         ITAE of a unit step of the reference, of the default scan (a triangle of 300 Hz) or of the
         given trajectory, each under feedback alone.
@@ -160,7 +174,7 @@ def tune_pi(
     sample_period_s : float or None, optional
         Sample period, seconds; None tunes the continuous loop, which has no delay.
     start : str or tuple of float, optional
-        ``'crossover'``: gains from the ultimate gain and its period; else kP and kI to compare
+        ``'crossover'`` for gains from the ultimate gain and its period, or kP and kI to compare
         with.
 
     Returns
@@ -199,7 +213,7 @@ def tune_pi(
     before = shape(start_kp, start_ki)
     tuned_kp, tuned_ki = search.best(crossover_ki / crossover_kp, evaluate)
     after = shape(tuned_kp, tuned_ki)
-    # The search looks at a grid of frequencies; a peak between two of them may stand a bit higher.
+    # The search uses a grid of frequencies; a peak between two of them may be a bit higher.
     while (after.max_sensitivity > max_sensitivity
            or (after.weighted_peak or 0.0) >= uncertainty_limit):
         tuned_kp, tuned_ki = tuned_kp * _RETREAT, tuned_ki * _RETREAT
@@ -242,7 +256,7 @@ def _crossover_gains(loop: PiLoop) -> tuple[float, float]:
     response = shape.loop.loop(frequency_hz)
     reversed_phase = (response.imag[:-1] < 0.0) & (response.imag[1:] >= 0.0) & (
         response.real[1:] < 0.0)
-    # A loop whose phase never turns round is held to be at the end of its range.
+    # If the phase never reaches -180 degrees, the highest frequency of the grid is used.
     candidates = np.append(np.flatnonzero(reversed_phase), frequency_hz.size - 1)
     ultimate = candidates[np.argmax(np.abs(response[candidates]))]
     proportional = _PROPORTIONAL_SHARE / float(np.abs(response[ultimate]))
@@ -253,7 +267,7 @@ def _evaluator(
     search: '_Search', ratio_per_s: float, trajectory: TrajectoryParameters | None,
     sample_period_s: float | None,
 ) -> Callable[[PiLoop], float]:
-    """Return the objective, on one grid of time for all gains."""
+    """Return the objective as a function of the loop, with one grid of time for all gains."""
     poles = search.loop.plant.poles_rad_per_s
     step_s = sample_period_s or 1.0 / (_STEPS_PER_FASTEST * float(np.abs(poles).max()))
     if trajectory is not None:
@@ -273,7 +287,7 @@ def _evaluator(
 
 
 class _Search:
-    """Finds the best gains within the limits."""
+    """The search for the gains of least objective within the limits."""
 
     def __init__(
         self, loop: PiLoop, bound: Bound | None, max_sensitivity: float, uncertainty_limit: float,
@@ -282,7 +296,7 @@ class _Search:
         self.loop = loop
         self._limits = (max_sensitivity, uncertainty_limit)
         self._typical_gain = typical_gain
-        # Gains far apart put the rates of the loop far apart: frequencies for the lowest of them.
+        # A grid that includes the lowest frequencies of any loop in the search.
         self._frequency_hz = loop.with_gains(
             typical_gain * _SMALLEST_GAIN, typical_gain).frequencies_hz()
         self._plant = loop.plant_response(self._frequency_hz) * loop.measurement_response(
@@ -307,7 +321,7 @@ class _Search:
 
     def largest(self, ratio_per_s: float) -> float:
         """Return the largest kP along kI = ratio kP within the limits; 0 if there is none."""
-        # Along a steep ray it is kI that meets the limits.
+        # Along a ray of large kI/kP the integral gain reaches the limits first.
         scale = self._typical_gain / (1.0 + ratio_per_s * self._time_s())
         low, high = math.log(scale * _SMALLEST_GAIN), math.log(scale * _LARGEST_GAIN)
         if not self._allows_ray(low, ratio_per_s):
@@ -321,7 +335,7 @@ class _Search:
         return math.exp(low)
 
     def _time_s(self) -> float:
-        """Return the mean time constant of the plant, which makes a gain of a rate."""
+        """Return the mean time constant of the plant, to compare kI with kP."""
         rates = np.abs(self.loop.plant.poles_rad_per_s)
         return float(1.0 / np.exp(np.mean(np.log(rates))))
 
@@ -330,7 +344,7 @@ class _Search:
         return self.allows(gain, gain * ratio_per_s)
 
     def refusal(self) -> str:
-        """Return why no gains are within the limits."""
+        """Return the reason why no gains are within the limits."""
         slow = 'no gains, however small, are within the limits'
         if self._bound is not None and self._bound[0] >= self._limits[1]:
             return (
@@ -364,7 +378,7 @@ class _Search:
     def _best_of_ray(
         self, ratio_per_s: float, evaluate: Callable[[PiLoop], float],
     ) -> tuple[float, float]:
-        """Return kP and the objective."""
+        """Return the best kP of a ray and the objective."""
         largest = self.largest(ratio_per_s)
         if largest == 0.0:
             return 0.0, math.inf

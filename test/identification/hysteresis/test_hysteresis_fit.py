@@ -99,7 +99,7 @@ def test_lumped_dynamics_without_noise_leave_the_elements_as_they_are():
     kappa, saturation = in_order_of_saturation(HysteresisParameters())
     error = np.abs(np.array(fit.parameters.kappa_um_per_v) / (ideal.dc_gain * kappa) - 1.0)
     assert fit.rms_um < 5e-6
-    # The element with 0.7 % of the compliance of the first, and its neighbour, are hardest to see.
+    # The element with 0.7 % of the compliance of the first, and its neighbour, show least.
     assert np.sort(error)[:-2].max() < 1e-4
     assert error.max() < 2e-3
     np.testing.assert_allclose(fit.parameters.saturation_v, saturation, rtol=2e-3)

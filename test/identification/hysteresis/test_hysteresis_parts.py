@@ -139,7 +139,7 @@ def test_no_fold_is_predicted_from_itself():
 
     def forgetful(part):
         seen[:] += part[0].weight
-        # Right where the fit may look, wrong everywhere else.
+        # Correct on the training samples, wrong on the others.
         return [np.where(part[0].weight > 0.0, VOLTAGE, VOLTAGE + 7.0)]
 
     np.testing.assert_allclose(cross_validate(records, forgetful), 49.0)

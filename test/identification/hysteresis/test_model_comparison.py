@@ -24,7 +24,7 @@ from piezo_ros.model import MaxwellResistiveCapacitor
 
 
 def excitation():
-    """Return a triangle whose amplitude decreases from period to period."""
+    """Return a triangle of decreasing amplitude."""
     amplitude = np.repeat(np.arange(3.0, 0.0, -0.3), 4) * np.tile([0.0, 1.0, 0.0, -1.0], 10)
     return np.interp(np.arange(8000) / 200.0, np.arange(41), np.append(amplitude, 0.0))
 
@@ -55,7 +55,7 @@ def test_a_delay_is_no_fault_of_any_model():
     for prompt, delayed in zip(
             compare_hysteresis_models(voltage, displacement + noise),
             compare_hysteresis_models(voltage, late + noise), strict=True):
-        # Not the same samples: behind the turns some are left out.
+        # Not the same samples: some after the turns are left out.
         assert delayed.rms_um == pytest.approx(prompt.rms_um, rel=0.1)
 
 

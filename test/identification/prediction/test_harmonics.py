@@ -19,7 +19,7 @@ from piezo_ros.identification.prediction.operating_points import choose_harmonic
 from piezo_ros.identification.prediction.tracking import predict_tracking
 from piezo_ros.model import DynamicsParameters, ParameterError, RigParameters
 
-# What is identified is not quite what is there.
+# The identified model differs slightly from the rig.
 DYNAMICS = DynamicsParameters(damping_ratio_1=0.55, time_constant_s=1.5e-4)
 KNOWN = RigParameters(slew_limit_v_per_s=18200.0, noise_rms_um=0.0).replaced(
     **DYNAMICS.to_mapping())
@@ -57,7 +57,7 @@ def test_where_the_amplifier_does_not_follow_fewer_win(scheme):
     assert choice.predictions[4].harmonics == 9
     assert choice.predictions[4].slew_limited
     assert measured_percent(fast, choice.harmonics, law) < 0.5 * measured_percent(fast, 9, law)
-    # The same scan with an amplifier that follows.
+    # The same scan with an amplifier without slew limit.
     free = choose_harmonics(KNOWN.replaced(slew_limit_v_per_s=0.0), fast, law)
     assert free.harmonics > choice.harmonics
     assert free.chosen.nrmse_percent < choice.chosen.nrmse_percent

@@ -100,7 +100,7 @@ def point(frequency_hz, ff, fbff):
     ((0.5, 0.5, 2.0), 350.0),
     ((2.0, 2.0, 2.0), 0.0),
     ((0.5, 0.5, 0.5), math.nextafter(400.0, math.inf)),
-    # Of two crossings the one that costs less; the lower one of equals.
+    # Of two crossings the one of less error; the lower one of equals.
     ((0.5, 2.0, 0.5), 250.0),
     ((0.5, 1.5, 0.4), math.nextafter(400.0, math.inf)),
     ((2.0, 0.4, 2.0), 356.94),

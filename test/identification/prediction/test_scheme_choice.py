@@ -25,7 +25,7 @@ from piezo_ros.identification.prediction.operating_points import (
 from piezo_ros.identification.prediction.tracking import predict_tracking
 from piezo_ros.model import DynamicsParameters, LinearDynamics, RigParameters
 
-# Of another gain and amplifier than the printed model that the feedforward inverts.
+# Gain and amplifier differ from the printed model, which the feedforward inverts.
 DYNAMICS = LinearDynamics(DynamicsParameters(
     gain_k_rad3_per_s3=2.38e12, damping_ratio_1=0.55, time_constant_s=1.55e-4))
 RIG = RigParameters(slew_limit_v_per_s=18200.0).replaced(**DYNAMICS.parameters.to_mapping())
@@ -75,7 +75,7 @@ def test_at_the_slew_limit_feedback_is_not_recommended():
 
 
 def test_uncertainty_decides_for_the_scheme_that_lessens_it():
-    # A sine that the model tracks well: what is left is what the model does not know.
+    # The feedforward inverts the right model: only the uncertainty is left.
     choices = [
         recommend_scheme(
             DYNAMICS, sine(frequency_hz).replaced(**DYNAMICS.parameters.to_mapping()), LAW,

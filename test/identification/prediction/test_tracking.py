@@ -19,7 +19,8 @@ from piezo_ros.control import ControllerParameters, TrajectoryParameters
 from piezo_ros.identification.prediction.tracking import predict_tracking
 from piezo_ros.model import DynamicsParameters, LinearDynamics, ParameterError, RigParameters
 
-# Linear but for the hysteresis, which the compensator undoes; not what the feedforward inverts.
+# Linear but for the hysteresis, which the compensator cancels. The feedforward inverts another
+# model.
 OTHER = DynamicsParameters(damping_ratio_1=0.5, time_constant_s=1.5e-4)
 LINEAR_RIG = RigParameters(
     order='lumped', noise_rms_um=0.0, dac_bits=0, adc_bits=0, voltage_minimum_v=-100.0,
@@ -55,7 +56,7 @@ def test_uncertainty_enters_as_in_14_and_15():
     # The output is nearly the reference, so that E_ff = Y_d Delta …
     np.testing.assert_allclose(
         ff.uncertain_error_um[inside], np.abs(ff.reference_um * delta)[inside], rtol=0.1)
-    # … and nothing comes out where nothing is put in.
+    # … and there is no output beyond harmonic m, where the command is zero.
     assert not ff.uncertain_error_um[~inside].any()
     # E_fbff = E_ff S but for the small known error: feedback helps below 415 Hz and harms above.
     ratio = fbff.uncertain_error_um[inside] / ff.uncertain_error_um[inside]

@@ -67,7 +67,7 @@ def measure(plant, excitation, **options):
 
 
 def synthetic(frequency_hz, response, error, seed=0, period=TS):
-    """A response with circular Gaussian errors of known size."""
+    """Return a response with circular Gaussian errors of known size."""
     generator = np.random.default_rng(seed)
     n = len(frequency_hz)
     noise = error * (generator.normal(size=n) + 1j * generator.normal(size=n)) / np.sqrt(2.0)
@@ -85,7 +85,7 @@ def test_on_the_noise_free_lumped_rig_table_2_comes_back_within_a_thousandth():
     assert np.max(np.abs(ratio - 1.0)) < 1e-3
     for name, value in DynamicsParameters().to_mapping().items():
         assert getattr(fit.parameters, name) == pytest.approx(value, rel=1e-3)
-    # The hold is not in it: the continuous response differs from the sampled one by 6 % at 2 kHz.
+    # The continuous response, without the hold, differs from the sampled one by 6 % at 2 kHz.
     continuous = LinearDynamics().response(CHECK_HZ)
     assert np.max(np.abs(fit.response(CHECK_HZ) / continuous - 1.0)) < 1e-3
 
@@ -142,7 +142,7 @@ def test_95_percent_bands_hold_the_true_parameters_in_90_to_99_percent_of_cases(
 
 
 def test_standard_errors_are_the_scatter_of_the_parameters():
-    # The quick sister of the slow test above: no rig, errors of known size.
+    # As the slow test above, but quick: no rig, errors of known size.
     frequency = np.geomspace(50.0, 15000.0, 40)
     truth = DynamicsParameters().to_mapping()
     response = sampled_truth(DynamicsParameters(), frequency)

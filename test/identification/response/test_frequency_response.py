@@ -88,7 +88,7 @@ def test_a_straight_drift_does_not_matter(stepped):
 
 @pytest.mark.parametrize('memory', [0.0, 0.999])
 def test_the_variance_is_that_of_the_response_in_white_and_in_coloured_noise(memory):
-    # Noise with memory is strong at low frequencies, where its residual per sample says too little.
+    # Coloured noise is strong at low frequencies, where the residual per sample is too small.
     from scipy.signal import lfilter
     excitation = stepped_sine([100.0, 1000.0], 0.5, TS, dwell_s=0.1)
     generator = np.random.default_rng(5)
@@ -100,7 +100,7 @@ def test_the_variance_is_that_of_the_response_in_white_and_in_coloured_noise(mem
             excitation.command, excitation.command + noise, TS, excitation=excitation,
             distortion_limit=np.inf)
         ratios.append(np.abs(found.response - 1.0)**2 / found.variance)
-    # In coloured noise it is too large where the noise is weak, never too small.
+    # With coloured noise the estimate is too large where the noise is weak, never too small.
     ratio = np.mean(ratios, axis=0)
     assert np.all(ratio < 1.3)
     assert np.all(ratio > (0.7 if memory == 0.0 else 0.3))

@@ -30,7 +30,7 @@ TS = 1e-5
 
 
 def synthetic(frequency_hz, delta):
-    """Points whose Delta against a nominal of one is as given."""
+    """Return points of the given Delta against a nominal response of one."""
     frequency = np.asarray(frequency_hz, dtype=float)
     one = np.ones(frequency.size)
     return FrequencyResponse(
@@ -75,7 +75,7 @@ def test_on_the_grid_of_the_paper_the_bound_is_above_every_point_and_tight():
     assert every.max() <= 1.0
     assert every.max() > 0.999
     assert bound.mean_excess_db <= 3.0
-    # The printed bound is left by this rig, whose gain is off by 6 %.
+    # This rig exceeds the printed bound: its gain is off by 6 %.
     assert bound.magnitude([1.0])[0] > 0.05
 
 

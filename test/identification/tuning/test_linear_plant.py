@@ -37,7 +37,7 @@ def test_the_sampled_plant_is_that_of_the_state_space_of_the_model():
 def test_a_delay_of_any_length_is_sampled_exactly(delay_samples):
     plant = LinearPlant(np.array([2000.0]), np.array([1.0, 1000.0]), delay_samples * TS)
     sampled = plant.sampled(TS)
-    # The step response of the lag, late by the delay, at the samples.
+    # The step response of the lag with its delay, at the samples.
     time_s = TS * np.arange(40)
     expected = 2.0 * -np.expm1(-1000.0 * np.maximum(time_s - plant.delay_s, 0.0))
     a, b, c, _ = sampled.system

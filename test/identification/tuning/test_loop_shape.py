@@ -100,7 +100,7 @@ def test_sampling_and_delay_cost_some_of_every_margin():
         assert worse.gain_margin < better.gain_margin
         assert worse.phase_margin_deg < better.phase_margin_deg
         assert worse.max_sensitivity > better.max_sensitivity
-    # One sample older is one sample less to spare.
+    # A measurement one sample older leaves one sample less of delay margin.
     assert sampled.delay_margin_s - late.delay_margin_s == pytest.approx(TS, rel=1e-6)
     assert late.feedback_acceptable_frequency_hz == pytest.approx(415.0, abs=0.1)
 
