@@ -47,7 +47,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from piezo_ros.identification.response.frequency_response import FrequencyResponse
-from piezo_ros.identification.response.rational_fit import RationalProblem, solve
+from piezo_ros.identification.response.rational_fit import RationalProblem, fit_rational
 from piezo_ros.identification.response.rational_model import (
     Sections,
     Shape,
@@ -280,7 +280,7 @@ def fit_dynamics(
             f'{points.frequency_hz.size} points up to {maximum_frequency_hz:g} Hz cannot '
             f'determine {shape.size} parameters; at least {shape.size // 2 + 1} are needed')
     problem = RationalProblem.of(shape, points, delay_samples, structure == 'liu')
-    fit = solve(problem)
+    fit = fit_rational(problem)
     values, transform = _named(structure, fit.sections, shape, problem.reference)
     errors = np.sqrt(np.maximum(
         np.einsum('ip,pq,iq->i', transform, fit.covariance, transform), 0.0))

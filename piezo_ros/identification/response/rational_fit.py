@@ -15,11 +15,11 @@
 """
 A rational model fitted to a sampled frequency response by weighted least squares.
 
-    minimise sum_k |H(w_k) - H_measured,k|^2 / (variance_k/2 + (e^2/2) |H_k| max |H|)
+    minimise sum_k |H(w_k) - H_k|^2 / (variance_k/2 + (e^2/2) |H_k| max |H_k|)
 
-over the parameters of `rational_model`, H being the response behind the zero-order hold. The model
-error e is 0 where the noise explains the residual; else it is the value for which the weighted sum
-of squares equals the degrees of freedom.
+over the parameters of `rational_model`, H(w) being the response of the model behind the zero-order
+hold and H_k the measured points. The model error e is 0 where the noise explains the residual; else
+it is the value for which the weighted sum of squares equals the degrees of freedom.
 """
 
 import math
@@ -38,7 +38,7 @@ from piezo_ros.identification.response.rational_model import (
     with_best_numerator,
 )
 
-__all__ = ['RationalFit', 'RationalProblem', 'solve']
+__all__ = ['RationalFit', 'RationalProblem', 'fit_rational']
 
 _FASTEST = 10.0  # over the highest measured frequency: faster poles do not show in the points
 _DAMPING = (1e-4, 1e2)
@@ -192,7 +192,7 @@ class RationalFit(NamedTuple):
     model_error: float
 
 
-def solve(problem: RationalProblem) -> RationalFit:
+def fit_rational(problem: RationalProblem) -> RationalFit:
     """
     Return the best model of several starts.
 
