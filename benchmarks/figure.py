@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The picture of a benchmark: live rates beside those of the bare transports, and the kernels."""
+"""Draws the results of a benchmark: rates of the graph beside those of the bare transports."""
 
 from collections.abc import Mapping
 from typing import Any, Final
@@ -34,18 +34,18 @@ _GROUP_TITLES: Final = {
 
 def bench_figure(record: Mapping[str, Any]) -> Figure:
     """
-    Draw every group of a benchmark as bars, one panel for each unit in it.
+    Draw the groups of a benchmark as bars, one panel for each unit in a group.
 
     Parameters
     ----------
     record : mapping
-        As `piezo_ros.experiment.benchmark.benchmark_record` returns it.
+        As `benchmarks.record.benchmark_record` returns it.
 
     Returns
     -------
     Figure
-        Medians as bars, the smallest and the largest value as a line. What is bare transport is
-        grey.
+        Medians as bars, the range from the smallest to the largest value as a line. Bare
+        transports are grey.
 
     """
     panels: dict[tuple[str, str], list[str]] = {}
@@ -57,7 +57,7 @@ def bench_figure(record: Mapping[str, Any]) -> Figure:
     with house_style('bench'):
         figure = Figure(figsize=(7.6, _BAR_IN * sum(heights) + 0.4), layout='constrained')
         figure.suptitle(
-            f'piezo bench, {record["date"][:10]}, {machine["cores"]} cores, '
+            f'piezo_ros benchmarks, {record["date"][:10]}, {machine["cores"]} cores, '
             f'{machine["processor"]}, Python {machine["python"]}', fontsize='medium')
         axes = figure.subplots(
             len(panels), 1, gridspec_kw={'height_ratios': heights}, squeeze=False)[:, 0]
@@ -90,7 +90,7 @@ def _bars(panel: Axes, results: Mapping[str, Any], names: list[str]) -> None:
 
 
 def _short(value: float) -> str:
-    """Return three digits: 6.23 M in place of 6228000."""
+    """Return a number with three digits: 6.23 M for 6228000."""
     for factor, letter in ((1e9, ' G'), (1e6, ' M'), (1e3, ' k')):
         if abs(value) >= factor:
             return f'{value / factor:.3g}{letter}'
