@@ -49,10 +49,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _run(arguments: Sequence[str] | None) -> int:
     use_one_thread()
-    # Here, so that a Ctrl-C in the first moments finds somebody who takes it.
+    # Here, so that a Ctrl-C during the imports is caught as well.
     from piezo_ros.cli import (
         bag,
-        bench,
         calibrate,
         check,
         identify,
@@ -74,7 +73,6 @@ def _run(arguments: Sequence[str] | None) -> int:
     sweep.add_command(commands)
     calibrate.add_command(commands)
     check.add_command(commands)
-    bench.add_command(commands)
     options = parser.parse_args(arguments)
     code = options.function(options)
     assert isinstance(code, int)

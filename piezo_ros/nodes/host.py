@@ -36,7 +36,6 @@ from piezo_ros.nodes.bursts import NAP_S
 from piezo_ros.nodes.distribution import make_events_executor
 from piezo_ros.nodes.executables import PARENT_VARIABLE
 from piezo_ros.nodes.leaving import exit_after
-from piezo_ros.nodes.library_pages import give_back_code
 from piezo_ros.nodes.middleware import set_middleware_defaults
 from piezo_ros.nodes.running_time import RunningTime
 from piezo_ros.nodes.stage import Stage
@@ -190,7 +189,6 @@ def _run(stages: Sequence[Stage], stop: _Stop) -> bool:
     try:
         if not _bring_up(stages, stop):
             return stop.is_wanted
-        give_back_code()  # before the first sample, for it takes as long as many of them
         _stream_loop(stages, stop)
     except _StartInterrupted:
         pass
@@ -275,7 +273,6 @@ def _stream_loop(stages: Sequence[Stage], stop: _Stop) -> None:
     # Blocks without feedback are soon used up.
     least_sleep_s = _SHORT_SLEEP_S if all(stage.in_bursts for stage in others) else NAP_S
     next_housekeeping = idle_since = time.monotonic()
-    is_tidy = False
     while not stop.signal_number:
         for stage in stages:
             stage.serve_request()
@@ -303,9 +300,6 @@ def _stream_loop(stages: Sequence[Stage], stop: _Stop) -> None:
             # Who has been asked for nothing for so long has time, and others need the processor.
             time.sleep(min(max(least_sleep_s, _SHARE_SLEPT * idle_s), _LONGEST_SLEEP_S))
         else:
-            if not is_tidy and any(stage.over for stage in stages):
-                is_tidy = True
-                give_back_code()  # of what was loaded for the first run and in it
             stop.wake.wait(_HOUSEKEEPING_S)
             stop.wake.clear()
         if now >= next_housekeeping:

@@ -13,18 +13,19 @@
 # limitations under the License.
 
 """
-The bare transport: messages round and round over three hops, no mathematics.
+The bare transport over ROS topics: messages pass three hops in a ring, without any mathematics.
 
-What the node graph is measured against in ``piezo bench``: same message, quality of service and way
-of waiting, but neither decoded nor checked nor answered. Run as
-``python -m piezo_ros.nodes.bare_ring ROUNDS SAMPLES MESSAGES HOPS --ros-args …`` with the samples
-in a message, the messages on their way at once and the hops of this process, 012 for all three. The
-process with hop 0 prints how many messages a second came round.
+The node graph is compared with it: same message, quality of service and way of waiting, but no
+message is decoded, checked or answered. Run as
+``python -m benchmarks.bare_ring ROUNDS SAMPLES MESSAGES HOPS --ros-args …`` with the samples in a
+message, the messages in the ring at the same time and the hops of this process, 012 for all three.
+The process with hop 0 prints the messages per second that complete the ring.
 """
 
 import os
 import sys
 import time
+from typing import Any, Final
 
 import rclpy
 from std_msgs.msg import Float64MultiArray
@@ -37,9 +38,12 @@ from piezo_ros.nodes.qos import STREAM
 
 __all__ = ['HOPS', 'main']
 
-HOPS = 3
-_PATIENCE_S = 20.0
-_LEAVE_S = 2.0
+HOPS: Final = 3
+_TIMEOUT_S: Final = 20.0
+_LEAVE_S: Final = 2.0
+_MATCH_S: Final = 0.2  # within which the other side has seen a match that this side sees
+
+_Hop = tuple[Any, Any]  # take and publish of the handles of rclpy
 
 
 def main() -> int:
@@ -55,25 +59,42 @@ def main() -> int:
     writers = [
         node.create_publisher(Float64MultiArray, f'hop_{(hop + 1) % HOPS}', STREAM)
         for hop in hops]
-    deadline = time.monotonic() + _PATIENCE_S
-    while not (
-            all(reader.get_publisher_count() == 1 for reader in readers)
-            and all(writer.get_subscription_count() == 1 for writer in writers)):
-        if time.monotonic() > deadline:
-            print('the ring is not closed', file=sys.stderr)
-            return 1
-        time.sleep(0.005)
-    end = BlockCodec('voltage').encode(0, 1e-5, [])
+    if not _closed(readers, writers):
+        print('the ring is not closed', file=sys.stderr)
+        return 1
     ends = list(zip(
         [reader.handle.take_message for reader in readers],
         [writer.handle.publish_raw for writer in writers], strict=True))
     leads = hops[0] == 0
-    first_take = ends[0][0]
     if leads:
-        # The match on the other side may be seen a little later.
-        time.sleep(0.2)
+        time.sleep(_MATCH_S)
         for _ in range(messages):
             ends[0][1](BlockCodec('voltage').encode(0, 1e-5, [0.5] * samples))
+    if not _forward(ends, rounds, leads=leads, naps=samples > 1):
+        print('the ring has stopped', file=sys.stderr)
+        return 1
+    writers[-1].wait_for_all_acked(rclpy.duration.Duration(seconds=2.0))
+    exit_after(_LEAVE_S, 0)
+    rclpy.try_shutdown()
+    return 0
+
+
+def _closed(readers: list[Any], writers: list[Any]) -> bool:
+    """Wait until every hop has its neighbours; return whether it has."""
+    deadline = time.monotonic() + _TIMEOUT_S
+    while not (
+            all(reader.get_publisher_count() == 1 for reader in readers)
+            and all(writer.get_subscription_count() == 1 for writer in writers)):
+        if time.monotonic() > deadline:
+            return False
+        time.sleep(0.005)
+    return True
+
+
+def _forward(ends: list[_Hop], rounds: int, *, leads: bool, naps: bool) -> bool:
+    """Forward messages until the end of the stream; return whether it came in time."""
+    end = BlockCodec('voltage').encode(0, 1e-5, [])
+    first_take = ends[0][0]
     count = 0
     start = last = time.perf_counter()
     while True:
@@ -91,20 +112,16 @@ def main() -> int:
                     raw = end
             publish(raw)
             if raw == end and (not leads or count >= rounds):
-                writers[-1].wait_for_all_acked(rclpy.duration.Duration(seconds=2.0))
-                exit_after(_LEAVE_S, 0)
-                rclpy.try_shutdown()
-                return 0
+                return True
         if progress:
             last = time.perf_counter()
         else:
-            if samples > 1:
+            if naps:
                 time.sleep(NAP_S)
             else:
                 os.sched_yield()
-            if time.perf_counter() - last > _PATIENCE_S:
-                print('the ring has stopped', file=sys.stderr)
-                return 1
+            if time.perf_counter() - last > _TIMEOUT_S:
+                return False
 
 
 if __name__ == '__main__':

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Speed of a sweep on one worker and on two."""
+"""Speed of a Monte Carlo sweep on one worker and on two."""
 
 import tempfile
 import time
@@ -20,7 +20,7 @@ from functools import cache, partial
 from pathlib import Path
 from typing import Final
 
-from piezo_ros.experiment.benchmark import Measurement, Quantity, Ratio
+from benchmarks.measurement import Measurement, Ratio, higher
 from piezo_ros.experiment.plan import read_plan
 from piezo_ros.experiment.sweep import SweepWork, open_sweep, run_sweep
 from piezo_ros.experiment.sweep_engines import local_engine
@@ -41,9 +41,9 @@ sweep:
 
 
 @cache
-def _place() -> tempfile.TemporaryDirectory[str]:
+def _directory() -> tempfile.TemporaryDirectory[str]:
     """
-    Return where the sweeps go until this process ends.
+    Return the directory of all sweeps, which is deleted when this process ends.
 
     For minutes after thousands of files are deleted, ext4 looks at each of their inodes before it
     makes a new one: the next sweep would take three times as long.
@@ -52,9 +52,9 @@ def _place() -> tempfile.TemporaryDirectory[str]:
 
 
 def _rate(workers: int) -> tuple[float]:
-    """Return the runs per second once every worker is up: starting one takes a second or two."""
+    """Return the runs per second once every worker has started, which takes a second or two."""
     progress: list[tuple[float, int]] = []
-    directory = Path(tempfile.mkdtemp(dir=_place().name))
+    directory = Path(tempfile.mkdtemp(dir=_directory().name))
     path = directory / 'plan.yaml'
     path.write_text(_PLAN.replace('DRAWS', str(_DRAWS)), encoding='utf-8')
     plan = read_sweep(read_plan(path))
@@ -63,14 +63,14 @@ def _rate(workers: int) -> tuple[float]:
     run_sweep(
         SweepWork(plan, str(output), False), local_engine(workers), workers=workers,
         progress=lambda done, _: progress.append((time.perf_counter(), done)))
-    # The first entry is of the start, then each worker has one for its first task.
+    # The first entry is of the start, the next ones are of the first task of each worker.
     (first, done), *_, (last, all_done) = progress[workers:]
     return ((all_done - done) / (last - first),)
 
 
 SWEEPS: Final = tuple(
     Measurement(
-        'sweep', (Quantity(f'sweep_{name}', 'runs/s', higher_is_better=True),),
+        'sweep', (higher(f'sweep_{name}', 'runs/s'),),
         partial(_rate, workers))
     for name, workers in (('one_worker', 1), ('two_workers', 2)))
 SWEEP_RATIOS: Final = (

@@ -12,26 +12,18 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What ``piezo bench`` measures of live nodes and of the transports beside them."""
+"""The measurements that need ROS 2: live nodes and the transports beside them."""
 
-import subprocess
-import sys
-import tempfile
 from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any, Final
 
-from piezo_ros.experiment.benchmark import Measurement, Quantity, Ratio
-from piezo_ros.experiment.errors import CampaignError
+from benchmarks.footprint import footprint, service_latency_ms, start_beside_peers_s
+from benchmarks.measurement import Measurement, Quantity, Ratio, higher, lower
+from benchmarks.other_rings import TRANSPORTS, missing_transport
+from benchmarks.rates import graph_rate, other_ring_rate, ring_rate
 from piezo_ros.experiment.node_parameters import check_node_parameters
 from piezo_ros.experiment.plan import STAGES, PlannedRun
-from piezo_ros.nodes.footprint import (
-    footprint,
-    service_latency_ms,
-    start_beside_peers_s,
-)
-from piezo_ros.nodes.graph_speed import graph_rate, ring_rate
-from piezo_ros.nodes.other_rings import HOPS, TRANSPORTS, missing_transport
 
 __all__ = ['LIVE', 'LIVE_RATIOS']
 
@@ -40,14 +32,14 @@ _SEPARATE_PERIODS: Final = 150.0
 _BLOCK_PERIODS: Final = 60_000.0
 _BLOCK_SAMPLES: Final = 1000
 _BLOCK_ROUNDS: Final = 40_000
-# So many that neither waits for messages to come round: with twice as many, a tenth at most is won.
+# Enough that neither the ring nor the graph waits for messages: twice as many gain a tenth at most.
 _BLOCKS_IN_FLIGHT: Final = 80
-# The demand leads by half of that to all of it: three quarters on the average.
+# The demand leads by half of the look-ahead to all of it: by three quarters on average.
 _LOOKAHEAD_SAMPLES: Final = _BLOCKS_IN_FLIGHT * _BLOCK_SAMPLES * 4 // 3
 _SHORT_PERIODS: Final = 1.0
 _ENDLESS_PERIODS: Final = 1e6
 _OTHER_RING_ROUNDS: Final = 20_000
-_RING_PATIENCE_S: Final = 120.0
+_LAYOUTS: Final = (('composed', True), ('separate', False))
 
 
 def _planned(**stages: Mapping[str, Any]) -> PlannedRun:
@@ -69,27 +61,7 @@ def _graph(*, composed: bool, record: bool) -> tuple[float]:
 
 
 def _other_ring(transport: str) -> tuple[float]:
-    """Return the rounds per second of the ring over another transport."""
-    with tempfile.TemporaryDirectory(prefix='piezo_ring_') as directory:
-        processes = [
-            subprocess.Popen(
-                [sys.executable, '-m', 'piezo_ros.nodes.other_rings', transport,
-                 str(_OTHER_RING_ROUNDS), str(hop), directory],
-                stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-                text=True)
-            for hop in range(HOPS)]
-        try:
-            outputs = [process.communicate(timeout=_RING_PATIENCE_S) for process in processes]
-        except subprocess.TimeoutExpired:
-            raise CampaignError(
-                f'the {transport} ring did not end within {_RING_PATIENCE_S:g} s') from None
-        finally:
-            for process in processes:
-                process.kill()
-    if any(process.returncode for process in processes):
-        raise CampaignError(
-            f'the {transport} ring failed: ' + ' '.join(error for _, error in outputs))
-    return (float(outputs[0][0]),)
+    return (other_ring_rate(transport, _OTHER_RING_ROUNDS),)
 
 
 def _ring_blocks(*, composed: bool) -> tuple[float]:
@@ -105,14 +77,16 @@ def _graph_blocks(*, composed: bool) -> tuple[float]:
     return (graph_rate(planned, composed=composed, record=False),)
 
 
-def _footprint() -> tuple[float, float, float]:
-    return footprint(_planned(trajectory={'periods': _SHORT_PERIODS}))
+def _footprint() -> tuple[float, float, float, float]:
+    cost = footprint(_planned(trajectory={'periods': _SHORT_PERIODS}))
+    return cost.start_s, cost.rss_mb, cost.pss_mb, cost.idle_percent
 
 
-def _memory_compiled() -> tuple[float]:
+def _memory_compiled() -> tuple[float, float]:
     stages: dict[str, dict[str, Any]] = {stage: {'compiled': True} for stage in STAGES}
     stages['trajectory']['periods'] = _SHORT_PERIODS
-    return (footprint(_planned(**stages)).memory_mb,)
+    cost = footprint(_planned(**stages))
+    return cost.rss_mb, cost.pss_mb
 
 
 def _start_beside_peers() -> tuple[float]:
@@ -124,43 +98,46 @@ def _latency(*, composed: bool) -> tuple[float, float]:
         _planned(trajectory={'periods': _ENDLESS_PERIODS}), composed=composed)
 
 
-def _lower(*names_and_units: tuple[str, str]) -> tuple[Quantity, ...]:
-    return tuple(Quantity(name, unit, higher_is_better=False) for name, unit in names_and_units)
-
-
-def _rate(group: str, name: str, measure: Callable[[], tuple[float]],
-          missing: Callable[[], str] = lambda: '') -> Measurement:
-    return Measurement(
-        group, (Quantity(name, 'loops/s', higher_is_better=True),), measure, missing)
+def _one(
+    group: str, quantity: Quantity, measure: Callable[[], tuple[float]],
+    missing: Callable[[], str] = lambda: '',
+) -> Measurement:
+    return Measurement(group, (quantity,), measure, missing)
 
 
 LIVE: Final = (
-    _rate('composed', 'ring_composed', partial(_ring, composed=True)),
-    _rate('composed', 'graph_composed', partial(_graph, composed=True, record=False)),
-    _rate('composed', 'graph_composed_recorded', partial(_graph, composed=True, record=True)),
-    _rate('separate', 'ring_separate', partial(_ring, composed=False)),
-    _rate('separate', 'graph_separate', partial(_graph, composed=False, record=False)),
-    _rate('separate', 'graph_separate_recorded', partial(_graph, composed=False, record=True)),
-    *(_rate('separate', f'ring_{transport}', partial(_other_ring, transport),
-            partial(missing_transport, transport))
+    _one('composed', higher('ring_composed', 'loops/s'), partial(_ring, composed=True)),
+    _one('composed', higher('graph_composed', 'loops/s'),
+         partial(_graph, composed=True, record=False)),
+    _one('composed', higher('graph_composed_recorded', 'loops/s'),
+         partial(_graph, composed=True, record=True)),
+    _one('separate', higher('ring_separate', 'loops/s'), partial(_ring, composed=False)),
+    _one('separate', higher('graph_separate', 'loops/s'),
+         partial(_graph, composed=False, record=False)),
+    _one('separate', higher('graph_separate_recorded', 'loops/s'),
+         partial(_graph, composed=False, record=True)),
+    *(_one('separate', higher(f'ring_{transport}', 'loops/s'), partial(_other_ring, transport),
+           partial(missing_transport, transport))
       for transport in TRANSPORTS),
-    *(Measurement(
-        'blocks',
-        (Quantity(f'{what}_blocks_{label}', 'samples/s', higher_is_better=True),),
-        partial(measure, composed=composed))
+    *(_one('blocks', higher(f'{what}_blocks_{layout}', 'samples/s'),
+           partial(measure, composed=composed))
       for what, measure in (('ring', _ring_blocks), ('graph', _graph_blocks))
-      for label, composed in (('composed', True), ('separate', False))),
+      for layout, composed in _LAYOUTS),
     Measurement(
         'footprint',
-        _lower(('start_four', 's'), ('memory_four', 'MB'), ('idle_busiest', '% of a core')),
+        (lower('start_four', 's'), lower('memory_four', 'MB'), lower('memory_four_pss', 'MB'),
+         lower('idle_busiest', '% of a core')),
         _footprint),
-    Measurement('footprint', _lower(('memory_four_compiled', 'MB')), _memory_compiled),
-    Measurement('footprint', _lower(('start_beside_peers', 's')), _start_beside_peers),
+    Measurement(
+        'footprint',
+        (lower('memory_four_compiled', 'MB'), lower('memory_four_compiled_pss', 'MB')),
+        _memory_compiled),
+    _one('footprint', lower('start_beside_peers', 's'), _start_beside_peers),
     *(Measurement(
         'services',
-        _lower((f'latency_{label}_median', 'ms'), (f'latency_{label}_95', 'ms')),
+        (lower(f'latency_{layout}_median', 'ms'), lower(f'latency_{layout}_95', 'ms')),
         partial(_latency, composed=composed))
-      for label, composed in (('composed', True), ('separate', False))),
+      for layout, composed in _LAYOUTS),
 )
 LIVE_RATIOS: Final = (
     Ratio('composed_over_ring', 'graph_composed', 'ring_composed', higher_is_better=True),
@@ -171,8 +148,8 @@ LIVE_RATIOS: Final = (
           higher_is_better=True),
     Ratio('separate_over_cyclone_ring', 'graph_separate', 'ring_cyclone', higher_is_better=True),
     Ratio('separate_over_socket_ring', 'graph_separate', 'ring_socket', higher_is_better=True),
-    *(Ratio(f'blocks_{label}_over_ring', f'graph_blocks_{label}', f'ring_blocks_{label}',
+    *(Ratio(f'blocks_{layout}_over_ring', f'graph_blocks_{layout}', f'ring_blocks_{layout}',
             higher_is_better=True)
-      for label in ('composed', 'separate')),
+      for layout, _ in _LAYOUTS),
     Ratio('start_four_over_python_start', 'start_four', 'python_start', higher_is_better=False),
 )

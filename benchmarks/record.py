@@ -12,143 +12,33 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""
-What a benchmark is: measurements as data, taken in rounds, and ratios of those of one round.
-
-The speed of a machine drifts while one measures. Every round therefore takes each measurement once,
-one after the other, and what is compared between two benchmarks are ratios within their rounds.
-"""
+"""The record of a benchmark: values and ratios, written as JSON, continued, compared, printed."""
 
 import datetime
 import json
-import math
 import os
 import platform
 import statistics
-from collections.abc import Callable, Iterable, Mapping, Sequence, Set
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Set
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-from piezo_ros.experiment.errors import CampaignError
+from benchmarks.measurement import BenchmarkError, Measurement, Ratio, Readings
 from piezo_ros.experiment.provenance import software_versions
 
 __all__ = [
-    'BenchmarkError',
     'Change',
-    'Measurement',
-    'Quantity',
-    'Ratio',
-    'Readings',
     'benchmark_record',
     'changes',
     'check_continues',
-    'chosen',
     'joined',
     'read_record',
     'record_table',
-    'take_rounds',
 ]
 
 FORMAT_VERSION: Final = 2
-TOLERANCE: Final = 0.15  # a median may be worse by that much before it counts
+TOLERANCE: Final = 0.15  # share by which a median must be worse to be called so
 _KEYS: Final = ('median', 'minimum', 'maximum')
-
-
-class BenchmarkError(ValueError):
-    """A choice that names nothing, or a file that is no benchmark."""
-
-
-class Quantity(NamedTuple):
-    """
-    One number that a measurement gives.
-
-    Attributes
-    ----------
-    name, unit : str
-        What it is called, and its unit.
-    higher_is_better : bool
-        Which way is the good one.
-
-    """
-
-    name: str
-    unit: str
-    higher_is_better: bool
-
-
-def _nothing_is_missing() -> str:
-    return ''
-
-
-@dataclass(frozen=True)
-class Measurement:
-    """
-    Something to measure.
-
-    Attributes
-    ----------
-    group : str
-        Group to which it belongs, for `chosen`.
-    quantities : tuple of Quantity
-        What it gives.
-    measure : callable
-        Takes the measurement once and returns the value of each quantity.
-    missing : callable
-        Says why it cannot be done here; '' where it can.
-
-    """
-
-    group: str
-    quantities: tuple[Quantity, ...]
-    measure: Callable[[], Sequence[float]]
-    missing: Callable[[], str] = _nothing_is_missing
-
-    @property
-    def title(self) -> str:
-        """Group and names, for who waits."""
-        return f'{self.group}: {", ".join(quantity.name for quantity in self.quantities)}'
-
-
-class Ratio(NamedTuple):
-    """
-    One quantity over another one of the same round.
-
-    Attributes
-    ----------
-    name : str
-        What it is called.
-    over, under : str
-        The quantities.
-    higher_is_better : bool
-        Which way is the good one.
-
-    """
-
-    name: str
-    over: str
-    under: str
-    higher_is_better: bool
-
-
-class Readings(NamedTuple):
-    """
-    What came of some rounds.
-
-    Attributes
-    ----------
-    values : dict of str to list of float
-        Quantity to its values, one for each round.
-    skipped : dict of str to str
-        Quantity to the reason why it could not be measured here.
-    failed : dict of str to str
-        Quantity to what went wrong; it was given up from that round on.
-
-    """
-
-    values: dict[str, list[float]]
-    skipped: dict[str, str]
-    failed: dict[str, str]
 
 
 class Change(NamedTuple):
@@ -172,96 +62,22 @@ class Change(NamedTuple):
     worse: bool
 
 
-def chosen(measurements: Iterable[Measurement], names: Sequence[str]) -> list[Measurement]:
-    """
-    Return the measurements of some groups or with some quantities; all without names.
-
-    Parameters
-    ----------
-    measurements : iterable of Measurement
-        To choose from.
-    names : sequence of str
-        Groups and quantities.
-
-    Raises
-    ------
-    BenchmarkError
-        If a name is neither.
-
-    """
-    table = list(measurements)
-    known = {entry.group for entry in table} | {
-        quantity.name for entry in table for quantity in entry.quantities}
-    for name in names:
-        if name not in known:
-            raise BenchmarkError(
-                f'{name!r} is no measurement and no group; there are {", ".join(sorted(known))}')
-    return [
-        entry for entry in table
-        if not names or entry.group in names
-        or any(quantity.name in names for quantity in entry.quantities)]
-
-
-def take_rounds(
-    measurements: Sequence[Measurement], rounds: int,
-    announce: Callable[[str], None] = lambda text: None,
-) -> Readings:
-    """
-    Take every measurement once in each round, one after the other.
-
-    A measurement that fails is given up; the others go on.
-
-    Parameters
-    ----------
-    measurements : sequence of Measurement
-        What to measure.
-    rounds : int
-        How often.
-    announce : callable, optional
-        Is told of each measurement before it begins.
-
-    """
-    readings = Readings({}, {}, {})
-    possible: list[Measurement] = []
-    for entry in measurements:
-        reason = entry.missing()
-        if reason:
-            readings.skipped.update((quantity.name, reason) for quantity in entry.quantities)
-        else:
-            possible.append(entry)
-    for number in range(1, rounds + 1):
-        for entry in list(possible):
-            announce(f'round {number}/{rounds}: {entry.title}')
-            try:
-                values = [float(value) for value in entry.measure()]
-                if not all(map(math.isfinite, values)):
-                    raise CampaignError(f'the values are {values}, they must be finite')
-            except (CampaignError, OSError, ValueError) as error:
-                possible.remove(entry)
-                readings.failed.update(
-                    (quantity.name, f'round {number}: {error}') for quantity in entry.quantities)
-                continue
-            for quantity, value in zip(entry.quantities, values, strict=True):
-                readings.values.setdefault(quantity.name, []).append(value)
-    return readings
-
-
 def benchmark_record(
     measurements: Iterable[Measurement], ratios: Iterable[Ratio], readings: Readings, rounds: int,
 ) -> dict[str, Any]:
     """
-    Return everything about a benchmark, ready for JSON.
+    Return results, ratios, machine and software of a benchmark, ready for JSON.
 
     Parameters
     ----------
     measurements : iterable of Measurement
-        What was measured.
+        The measurements of the rounds.
     ratios : iterable of Ratio
-        Which ratios to form, as far as both quantities are there.
+        Ratios to form where both quantities have values.
     readings : Readings
-        What came of it.
+        The values of the rounds.
     rounds : int
-        How many rounds were asked for.
+        Number of rounds.
 
     """
     values = readings.values
@@ -277,7 +93,7 @@ def benchmark_record(
         'software': software_versions(),
         'rounds': rounds,
         'results': results,
-        # Pair by pair, so that a machine whose speed drifts compares like with like.
+        # Round by round, because the speed of the machine drifts from one round to the next.
         'ratios': {
             ratio.name: {
                 'over': ratio.over, 'under': ratio.under,
@@ -294,21 +110,21 @@ def joined(
     earlier: Mapping[str, Any], measurements: Iterable[Measurement], readings: Readings,
 ) -> Readings:
     """
-    Return the readings of an earlier benchmark and of more rounds of the same measurements.
+    Return the readings of an earlier benchmark with those of further rounds appended.
 
     Parameters
     ----------
     earlier : mapping
         As `read_record` returns it.
     measurements : iterable of Measurement
-        What was measured now.
+        The measurements of the further rounds.
     readings : Readings
-        What came of it.
+        Their values.
 
     Raises
     ------
     BenchmarkError
-        If it is another machine, or something else was measured.
+        If the machine or the quantities differ.
 
     """
     _check_same(earlier, readings.values.keys())
@@ -321,19 +137,19 @@ def joined(
 
 def check_continues(earlier: Mapping[str, Any], measurements: Iterable[Measurement]) -> None:
     """
-    Refuse to measure more rounds for an earlier benchmark that `joined` would not take.
+    Check, before minutes of measuring, that `joined` will accept the further rounds.
 
     Parameters
     ----------
     earlier : mapping
         As `read_record` returns it.
     measurements : iterable of Measurement
-        What is to be measured.
+        The measurements of the further rounds.
 
     Raises
     ------
     BenchmarkError
-        If it is another machine, or something else was measured.
+        If the machine or the quantities differ.
 
     """
     _check_same(earlier, {
@@ -353,12 +169,12 @@ def _check_same(earlier: Mapping[str, Any], names: Set[str]) -> None:
 
 def read_record(path: Path) -> dict[str, Any]:
     """
-    Return a benchmark out of the JSON that `benchmark_record` became.
+    Return the record of a benchmark from its JSON file.
 
     Raises
     ------
     BenchmarkError
-        If the file cannot be read or is no benchmark of this format.
+        If the file cannot be read or is not a benchmark of this format.
 
     """
     try:
@@ -376,9 +192,9 @@ def read_record(path: Path) -> dict[str, Any]:
 
 def changes(now: Mapping[str, Any], before: Mapping[str, Any]) -> list[Change]:
     """
-    Compare the ratios that two benchmarks share.
+    Compare the medians of the ratios that two benchmarks share.
 
-    Absolute values belong to their machine and its mood and are not compared.
+    Absolute values depend on the machine and its load and are not compared.
 
     Parameters
     ----------

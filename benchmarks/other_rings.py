@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-The ring of `piezo_ros.nodes.bare_ring` over other transports, to see ROS 2 beside them.
+The ring of `benchmarks.bare_ring` over other transports, to compare ROS 2 with them.
 
-Run as ``python -m piezo_ros.nodes.other_rings TRANSPORT ROUNDS HOP DIRECTORY``, one process for
-each hop, TRANSPORT being ``socket`` (UNIX datagrams) or ``cyclone`` (Cyclone DDS without ROS).
-The process of hop 0 prints the rounds per second.
+Run as ``python -m benchmarks.other_rings TRANSPORT ROUNDS HOP DIRECTORY``, one process for each
+hop, TRANSPORT being ``socket`` (UNIX datagrams) or ``cyclone`` (Cyclone DDS without ROS). The
+process of hop 0 prints the messages per second that complete the ring.
 """
 
 import importlib.util
@@ -35,11 +35,11 @@ from piezo_ros.bag import BlockCodec
 __all__ = ['HOPS', 'TRANSPORTS', 'main', 'missing_transport']
 
 HOPS: Final = 3
-_PATIENCE_S: Final = 20.0
+_TIMEOUT_S: Final = 20.0
 
 
 class _Link(Protocol):
-    """One hop: takes from the hop before and sends to the next one."""
+    """The connections of a hop: from the hop before it and to the one after it."""
 
     def take(self) -> bytes:
         """Wait for a message."""
@@ -49,14 +49,14 @@ class _Link(Protocol):
 
 
 class _SocketLink:
-    """UNIX datagram sockets in a directory."""
+    """UNIX datagram sockets with addresses in a directory."""
 
     def __init__(self, hop: int, directory: Path) -> None:
         self._inbox = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
         self._inbox.bind(str(directory / f'hop_{hop}'))
-        self._inbox.settimeout(_PATIENCE_S)
+        self._inbox.settimeout(_TIMEOUT_S)
         following = directory / f'hop_{(hop + 1) % HOPS}'
-        _wait(following.exists)
+        _wait_for(following.exists)
         self._outbox = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
         self._outbox.connect(str(following))
 
@@ -94,11 +94,11 @@ class _CycloneLink:
             for number in (hop, (hop + 1) % HOPS)]
         self._reader = DataReader(participant, topics[0], qos=quality)
         self._writer = DataWriter(participant, topics[1], qos=quality)
-        _wait(lambda: bool(
+        _wait_for(lambda: bool(
             self._reader.get_matched_publications() and self._writer.get_matched_subscriptions()))
 
     def take(self) -> bytes:
-        deadline = time.perf_counter() + _PATIENCE_S
+        deadline = time.perf_counter() + _TIMEOUT_S
         while not (taken := self._reader.take(1)):
             os.sched_yield()
             if time.perf_counter() > deadline:
@@ -114,11 +114,11 @@ TRANSPORTS: Final[dict[str, Callable[[int, Path], _Link]]] = {
 
 
 def missing_transport(transport: str) -> str:
-    """Return why a transport cannot be used here, '' where it can."""
+    """Return the reason why a transport cannot be used on this machine, '' if it can."""
     if transport == 'socket':
         return '' if hasattr(socket, 'AF_UNIX') else 'this system has no UNIX sockets'
     if importlib.util.find_spec('cyclonedds') is None:
-        return 'needs the package cyclonedds (pip install piezo_ros[cyclonedds])'
+        return 'needs the package cyclonedds (pip install cyclonedds)'
     return ''
 
 
@@ -135,9 +135,9 @@ def main() -> int:
                 message = link.take()
                 link.send(message)
                 if message == end:
-                    time.sleep(0.2)  # the last message is still on its way
+                    time.sleep(0.2)  # the last message may not have arrived yet
                     return 0
-        # The others may see the match a little later.
+        # The other hops may see the match a little later.
         time.sleep(0.5)
         message = codec.encode_one(0, 1e-5, 0.5)
         start = time.perf_counter()
@@ -153,8 +153,8 @@ def main() -> int:
     return 0
 
 
-def _wait(ready: Callable[[], bool]) -> None:
-    deadline = time.monotonic() + _PATIENCE_S
+def _wait_for(ready: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + _TIMEOUT_S
     while not ready():
         if time.monotonic() > deadline:
             raise TimeoutError('the ring is not closed')

@@ -12,15 +12,14 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""How long identification and tuning take."""
+"""Time that the identification of hysteresis and dynamics and the tuning of PI gains take."""
 
 from functools import cache
 from typing import Any, Final
 
+from benchmarks.measurement import Measurement, Ratio, lower, seconds
 from piezo_ros.control import TrajectoryParameters, simulate_bare
 from piezo_ros.control.waveform import excitation_of
-from piezo_ros.experiment.benchmark import Measurement, Quantity, Ratio
-from piezo_ros.experiment.kernel_speed import seconds
 from piezo_ros.identification import (
     FrequencyResponse,
     fit_dynamics,
@@ -56,25 +55,24 @@ def _response() -> FrequencyResponse:
         excitation.command, displacement_um, trajectory.sample_period_s, excitation=excitation)
 
 
-def _hysteresis() -> tuple[float]:
+def _hysteresis_s() -> tuple[float]:
     run = _slow_triangle()
     return (seconds(lambda: fit_hysteresis(run.voltage_v, run.displacement_um[:-1])),)
 
 
-def _dynamics() -> tuple[float]:
+def _dynamics_s() -> tuple[float]:
     response = _response()
     return (seconds(lambda: fit_dynamics(response)),)
 
 
-def _tuning() -> tuple[float]:
+def _tuning_s() -> tuple[float]:
     return (seconds(lambda: tune_pi(LinearDynamics())),)
 
 
 FITS: Final = (
-    Measurement(
-        'fits', (Quantity('fit_hysteresis', 's', higher_is_better=False),), _hysteresis),
-    Measurement('fits', (Quantity('fit_dynamics', 's', higher_is_better=False),), _dynamics),
-    Measurement('fits', (Quantity('tune_pi', 's', higher_is_better=False),), _tuning),
+    Measurement('fits', (lower('fit_hysteresis', 's'),), _hysteresis_s),
+    Measurement('fits', (lower('fit_dynamics', 's'),), _dynamics_s),
+    Measurement('fits', (lower('tune_pi', 's'),), _tuning_s),
 )
 FIT_RATIOS: Final = (
     Ratio('fit_hysteresis_over_decomposition', 'fit_hysteresis', 'decomposition',

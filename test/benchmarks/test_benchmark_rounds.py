@@ -15,22 +15,25 @@
 import json
 import math
 from functools import partial
+from pathlib import Path
 
 import pytest
 
-from piezo_ros.experiment.benchmark import (
+from benchmarks.measurement import (
     BenchmarkError,
     Measurement,
     Quantity,
     Ratio,
+    chosen,
+    take_rounds,
+)
+from benchmarks.record import (
     benchmark_record,
     changes,
     check_continues,
-    chosen,
     joined,
     read_record,
     record_table,
-    take_rounds,
 )
 from piezo_ros.experiment.errors import CampaignError
 
@@ -146,6 +149,17 @@ def test_rounds_of_something_else_are_not_joined():
     earlier['machine']['cores'] = 10**6
     with pytest.raises(BenchmarkError, match='of another machine'):
         joined(earlier, table, readings)
+
+
+REFERENCE = Path(__file__).parents[2] / 'docs' / 'bench' / 'reference.json'
+
+
+def test_the_reference_can_be_read_printed_and_compared():
+    record = read_record(REFERENCE)
+    assert 'composed_over_ring' in record_table(record)
+    found = changes(record, record)
+    assert len(found) == len(record['ratios'])
+    assert not any(change.worse for change in found)
 
 
 def test_a_record_survives_its_file(tmp_path):

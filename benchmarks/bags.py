@@ -23,22 +23,21 @@ from typing import Final
 
 import numpy as np
 
+from benchmarks.measurement import Measurement, Ratio, higher, seconds
 from piezo_ros.bag import STREAMS, BagWriter, BlockCodec, read
-from piezo_ros.experiment.benchmark import Measurement, Quantity, Ratio
-from piezo_ros.experiment.kernel_speed import seconds
 
 __all__ = ['BAGS', 'BAG_RATIOS']
 
 _PERIOD_S: Final = 1e-5
 _READS: Final = 7
-_SINGLE_SAMPLES: Final = 40_000  # of each stream, one in a message
+_SINGLE_SAMPLES: Final = 40_000  # of each stream, one for each message
 _BLOCK_SAMPLES: Final = 1000
 _MANY_SAMPLES: Final = 4_000_000  # of each stream, in blocks
 
 
 @cache
 def _messages(samples: int, block_samples: int) -> list[tuple[str, bytes]]:
-    """Return stream and bytes of every message of a run, as the recorder gets them."""
+    """Return stream and bytes of every message of a run, as a recorder receives them."""
     generator = np.random.default_rng(1)
     time_s = _PERIOD_S * np.arange(samples)
     values = {
@@ -57,18 +56,18 @@ def _write(path: Path, messages: list[tuple[str, bytes]]) -> None:
             writer.write(stream, raw)
 
 
-def _there_and_back(
+def _write_and_read(
     samples: int, block_samples: int, counted: int,
 ) -> Callable[[], tuple[float, float]]:
-    """Return a measurement: written things and read samples per second."""
+    """Return a measurement: counted items written and samples read, per second."""
     def measure() -> tuple[float, float]:
         messages = _messages(samples, block_samples)
         with tempfile.TemporaryDirectory(prefix='piezo_bench_') as directory:
             path = Path(directory) / 'bag'
             write_seconds = seconds(lambda: _write(path, messages))
             os.sync()
-            # The quickest, as timeit does: a virtual machine takes freed memory away, and to get it
-            # back can take three times as long as to read the bag into it.
+            # The minimum, as timeit takes it: a virtual machine takes freed memory away, and it
+            # can take three times as long to get it back as to read the bag into it.
             read_seconds = min(seconds(lambda: read(path)) for _ in range(_READS))
         return counted / write_seconds, samples * len(STREAMS) / read_seconds
     return measure
@@ -77,14 +76,12 @@ def _there_and_back(
 BAGS: Final = (
     Measurement(
         'bag',
-        (Quantity('bag_write_single', 'messages/s', higher_is_better=True),
-         Quantity('bag_read_single', 'samples/s', higher_is_better=True)),
-        _there_and_back(_SINGLE_SAMPLES, 1, _SINGLE_SAMPLES * len(STREAMS))),
+        (higher('bag_write_single', 'messages/s'), higher('bag_read_single', 'samples/s')),
+        _write_and_read(_SINGLE_SAMPLES, 1, _SINGLE_SAMPLES * len(STREAMS))),
     Measurement(
         'bag',
-        (Quantity('bag_write_blocks', 'samples/s', higher_is_better=True),
-         Quantity('bag_read_blocks', 'samples/s', higher_is_better=True)),
-        _there_and_back(_MANY_SAMPLES, _BLOCK_SAMPLES, _MANY_SAMPLES * len(STREAMS))),
+        (higher('bag_write_blocks', 'samples/s'), higher('bag_read_blocks', 'samples/s')),
+        _write_and_read(_MANY_SAMPLES, _BLOCK_SAMPLES, _MANY_SAMPLES * len(STREAMS))),
 )
 BAG_RATIOS: Final = (
     Ratio('bag_write_single_over_interpreter', 'bag_write_single', 'interpreter',

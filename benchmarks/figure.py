@@ -39,7 +39,7 @@ def bench_figure(record: Mapping[str, Any]) -> Figure:
     Parameters
     ----------
     record : mapping
-        As `piezo_ros.experiment.benchmark.benchmark_record` returns it.
+        As `benchmarks.record.benchmark_record` returns it.
 
     Returns
     -------
@@ -57,7 +57,7 @@ def bench_figure(record: Mapping[str, Any]) -> Figure:
     with figure_style():
         figure = Figure(figsize=(7.6, _BAR_IN * sum(heights) + 0.4), layout='constrained')
         figure.suptitle(
-            f'piezo bench, {record["date"][:10]}, {machine["cores"]} cores, '
+            f'piezo_ros benchmarks, {record["date"][:10]}, {machine["cores"]} cores, '
             f'{machine["processor"]}, Python {machine["python"]}', fontsize='medium')
         axes = figure.subplots(
             len(panels), 1, gridspec_kw={'height_ratios': heights}, squeeze=False)[:, 0]
@@ -90,7 +90,7 @@ def _bars(panel: Axes, results: Mapping[str, Any], names: list[str]) -> None:
 
 
 def _short(value: float) -> str:
-    """Return a value with three digits and a prefix: 6.23 M for 6228000."""
+    """Return a number with three digits: 6.23 M for 6228000."""
     for factor, letter in ((1e9, ' G'), (1e6, ' M'), (1e3, ' k')):
         if abs(value) >= factor:
             return f'{value / factor:.3g}{letter}'
