@@ -18,6 +18,7 @@ import argparse
 import sys
 from collections.abc import Sequence
 
+from piezo_ros.interruption import Interruption, remembering_interruption
 from piezo_ros.matrix_threads import use_one_thread
 
 __all__ = ['main']
@@ -41,13 +42,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     """
     try:
-        return _run(arguments)
+        with remembering_interruption() as interruption:
+            return _run(arguments, interruption)
     except KeyboardInterrupt:
         print('piezo: stopped by SIGINT', file=sys.stderr)
         return EXIT_FAILED
 
 
-def _run(arguments: Sequence[str] | None) -> int:
+def _run(arguments: Sequence[str] | None, interruption: Interruption) -> int:
     use_one_thread()
     # Here, so that a Ctrl-C during the imports is caught as well.
     from piezo_ros.cli import (
@@ -61,6 +63,8 @@ def _run(arguments: Sequence[str] | None) -> int:
         sweep,
         tune,
     )
+    if interruption.came:  # an import may have caught it
+        raise KeyboardInterrupt
     parser = argparse.ArgumentParser(
         prog='piezo', description='Piezo nano-positioning on ROS 2: run, analyse, report.')
     commands = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
