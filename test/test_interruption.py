@@ -22,6 +22,14 @@ import pytest
 from piezo_ros.interruption import remembering_interruption, was_interrupted
 
 
+@pytest.fixture
+def python_handler():
+    """Python's own handler: tests started in the background inherit that SIGINT is ignored."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
 def _swallow_ctrl_c():
     """Do as an import that catches everything."""
     try:
@@ -33,7 +41,7 @@ def _swallow_ctrl_c():
     pytest.fail('no KeyboardInterrupt')
 
 
-def test_one_that_was_caught_by_others_is_remembered():
+def test_one_that_was_caught_by_others_is_remembered(python_handler):
     before = signal.getsignal(signal.SIGINT)
     with remembering_interruption() as interruption:
         assert not interruption.came
@@ -55,7 +63,7 @@ def test_a_signal_that_is_ignored_stays_so():
         signal.signal(signal.SIGINT, before)
 
 
-def test_a_supervisor_starts_no_run_after_one(tmp_path):
+def test_a_supervisor_starts_no_run_after_one(python_handler, tmp_path):
     pytest.importorskip('rclpy')
     from piezo_ros.experiment.errors import CampaignError
     from piezo_ros.nodes.graph import GraphRunner
