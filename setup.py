@@ -145,7 +145,7 @@ setup(
             # By this spelling: where colcon test reads pytest-cov it measures on its own account.
             'pytest_cov>=7',
             'pytest-timeout>=2.2',
-            'pytest-xdist>=3.7',
+            'pytest-xdist>=3.5',
             'rosbags>=0.10',
             'ruff>=0.9',
             'scipy-stubs',

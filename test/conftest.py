@@ -35,10 +35,5 @@ WITHOUT_ROS = importlib.util.find_spec('rclpy') is None
 collect_ignore = ['nodes', 'cli/test_run_live.py'] if WITHOUT_ROS else []
 
 
-def pytest_collection_modifyitems(items):
-    # Those that take longest first: then both workers come to their end at the same time.
-    items.sort(key=lambda item: 'nodes' not in item.path.parts)
-
-
 def pytest_report_header():
     return f'no rclpy: left out are {", ".join(collect_ignore)}' if WITHOUT_ROS else None
