@@ -36,7 +36,7 @@ _NANOSECONDS: Final = 1e9
 
 @cache
 def _operator(elements: int) -> MaxwellResistiveCapacitor:
-    """Return an operator whose elements saturate one after the other over the travel."""
+    """Return an operator with elements that saturate one after the other over the travel."""
     default = MaxwellResistiveCapacitor()
     if elements == len(default.parameters.saturation_v):
         return default

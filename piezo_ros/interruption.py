@@ -70,5 +70,5 @@ def remembering_interruption() -> Iterator[Interruption]:
 
 
 def was_interrupted(handler: object) -> bool:
-    """Return whether a handler of SIGINT is an `Interruption` whose signal has come."""
+    """Return whether a handler of SIGINT is an `Interruption` that has received the signal."""
     return isinstance(handler, Interruption) and handler.came
