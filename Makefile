@@ -47,8 +47,8 @@ paper: $(DEMO_READY)  ## every table and figure of the paper from live runs, int
 
 bench: $(DEMO_READY)  ## measure this machine into docs/bench, several minutes; it should do nothing else
 	mkdir -p docs/bench
-	$(BIN)/piezo bench --json docs/bench/reference.json
-	$(BIN)/piezo bench --draw docs/bench/reference.json -o docs/bench/reference.svg
+	$(BIN)/python -m benchmarks --json docs/bench/reference.json
+	$(BIN)/python -m benchmarks --draw docs/bench/reference.json -o docs/bench/reference.svg
 
 test: $(TEST_READY)  ## style, types, tiers (test_lint.py), all other tests but the slow ones; coverage
 	$(TELL)
@@ -80,7 +80,7 @@ docs: $(DEMO_READY)  ## print docs/parameters.md and docs/launch.md from the cod
 clean:  ## remove .venv and .matrix, what was built and what tools cached; out/ stays
 	rm -rf $(VENV) .matrix build dist install log *.egg-info
 	rm -rf .coverage .coverage.* .hypothesis .import_linter_cache .mypy_cache .pytest_cache .ruff_cache
-	find $(wildcard piezo_ros launch test) -name __pycache__ -prune -exec rm -rf {} +
+	find $(wildcard piezo_ros benchmarks launch test) -name __pycache__ -prune -exec rm -rf {} +
 
 $(DEMO_READY): $(METADATA)
 	$(SETUP_VENV)

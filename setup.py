@@ -131,8 +131,6 @@ setup(
         **ROS_WHEELS,
         # piezo sweep --engine dask, and its results as Parquet.
         'dask': ['distributed>=2024.1', 'pyarrow>=14'],
-        # One more ring in piezo bench.
-        'cyclonedds': ['cyclonedds>=0.10.2'],
         'test': [
             'catkin_pkg',
             'colcon-common-extensions',

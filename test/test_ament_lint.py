@@ -21,7 +21,7 @@ from pathlib import Path
 import pytest
 
 REPOSITORY = Path(__file__).resolve().parents[1]
-SOURCES = ('piezo_ros', 'launch', 'test', 'docs', 'setup.py')
+SOURCES = ('piezo_ros', 'benchmarks', 'launch', 'test', 'docs', 'setup.py')
 
 
 def check_with(linter, *arguments):

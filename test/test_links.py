@@ -20,7 +20,9 @@ from pathlib import Path
 import pytest
 
 REPOSITORY = Path(__file__).resolve().parents[1]
-DOCUMENTS = sorted([*REPOSITORY.glob('*.md'), *(REPOSITORY / 'docs').rglob('*.md')])
+DOCUMENTS = sorted([
+    *REPOSITORY.glob('*.md'), REPOSITORY / 'benchmarks' / 'README.md',
+    *(REPOSITORY / 'docs').rglob('*.md')])
 _CODE = re.compile(r'^```.*?^```$|^    .*?$|`[^`\n]*`', re.MULTILINE | re.DOTALL)
 # [text](target), the text over one line or several, and a picture.
 _LINK = re.compile(r'\[[^\[\]]*\]\(\s*([^()\s]+)\s*\)')

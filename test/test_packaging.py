@@ -49,7 +49,7 @@ THIRD_PARTY = {
     'zstandard': ('zstandard', 'mcap-ros2-support'),
 }
 # Name in an import statement -> extra that brings it; what does without says so.
-OPTIONAL = {'cyclonedds': 'cyclonedds', 'distributed': 'dask', 'pyarrow': 'dask'}
+OPTIONAL = {'distributed': 'dask', 'pyarrow': 'dask'}
 
 
 def arguments_of_setup(folder, command):

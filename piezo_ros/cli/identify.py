@@ -269,7 +269,7 @@ def _responses(options: argparse.Namespace, runs: list[Run]) -> 'list[FrequencyR
 
 def _dynamics(options: argparse.Namespace, runs: list[Run]) -> _Files:
     from piezo_ros.identification import fit_dynamics, merge
-    from piezo_ros.identification.response_csv import response_csv
+    from piezo_ros.identification.response.response_csv import response_csv
     response = merge(_responses(options, runs))
     structure: dict[str, Any] = {}
     if options.orders:

@@ -18,6 +18,7 @@ import argparse
 import sys
 from collections.abc import Sequence
 
+from piezo_ros.interruption import Interruption, remembering_interruption
 from piezo_ros.matrix_threads import use_one_thread
 
 __all__ = ['main']
@@ -41,18 +42,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     """
     try:
-        return _run(arguments)
+        with remembering_interruption() as interruption:
+            return _run(arguments, interruption)
     except KeyboardInterrupt:
         print('piezo: stopped by SIGINT', file=sys.stderr)
         return EXIT_FAILED
 
 
-def _run(arguments: Sequence[str] | None) -> int:
+def _run(arguments: Sequence[str] | None, interruption: Interruption) -> int:
     use_one_thread()
-    # Here, so that a Ctrl-C in the first moments finds somebody who takes it.
+    # Here, so that a Ctrl-C during the imports is caught as well.
     from piezo_ros.cli import (
         bag,
-        bench,
         calibrate,
         check,
         identify,
@@ -62,6 +63,8 @@ def _run(arguments: Sequence[str] | None) -> int:
         sweep,
         tune,
     )
+    if interruption.came:  # an import may have caught it
+        raise KeyboardInterrupt
     parser = argparse.ArgumentParser(
         prog='piezo', description='Piezo nano-positioning on ROS 2: run, analyse, report.')
     commands = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
@@ -74,7 +77,6 @@ def _run(arguments: Sequence[str] | None) -> int:
     sweep.add_command(commands)
     calibrate.add_command(commands)
     check.add_command(commands)
-    bench.add_command(commands)
     options = parser.parse_args(arguments)
     code = options.function(options)
     assert isinstance(code, int)

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Final, TypeVar
 from piezo_ros.control import ControllerParameters, TrajectoryParameters
 from piezo_ros.experiment.automatic import AUTO, known_rig
 from piezo_ros.experiment.model_file import read_node_model
-from piezo_ros.identification.operating_points import (
+from piezo_ros.identification.prediction.operating_points import (
     OperatingPoint,
     feedback_table,
     predict_operating_points,
@@ -30,8 +30,8 @@ from piezo_ros.identification.operating_points import (
 from piezo_ros.model import HysteresisParameters, ParameterSet, RigParameters
 
 if TYPE_CHECKING:
-    from piezo_ros.identification.linear_plant import Bound
-    from piezo_ros.identification.tuning import PiTuning
+    from piezo_ros.identification.tuning.linear_plant import Bound
+    from piezo_ros.identification.tuning.pi_tuning import PiTuning
 
 __all__ = ['operating_points_text', 'predicted_points']
 

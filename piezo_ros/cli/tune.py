@@ -28,8 +28,8 @@ from piezo_ros.experiment.published import published_bound
 from piezo_ros.model import LinearDynamics
 
 if TYPE_CHECKING:
-    from piezo_ros.identification.linear_plant import Bound, Model
-    from piezo_ros.identification.loop_shape import LoopShape
+    from piezo_ros.identification.tuning.linear_plant import Bound, Model
+    from piezo_ros.identification.tuning.loop_shape import LoopShape
 
 __all__ = ['add_command']
 
@@ -115,9 +115,9 @@ def _add_operating_points(parser: argparse.ArgumentParser) -> None:
 
 def _tune(options: argparse.Namespace) -> int:
     from piezo_ros.cli.operating_points import operating_points_text, predicted_points
-    from piezo_ros.identification.loop_shape import loop_shape
-    from piezo_ros.identification.operating_points import feedback_table
-    from piezo_ros.identification.tuning import tune_pi
+    from piezo_ros.identification.prediction.operating_points import feedback_table
+    from piezo_ros.identification.tuning.loop_shape import loop_shape
+    from piezo_ros.identification.tuning.pi_tuning import tune_pi
     if options.output.exists() and not options.force:
         print(f'piezo: {options.output} exists; --force replaces it', file=sys.stderr)
         return 2

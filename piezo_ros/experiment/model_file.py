@@ -28,7 +28,7 @@ from piezo_ros.model import DynamicsParameters, LinearDynamics, ParameterError, 
 if TYPE_CHECKING:
     import control
 
-    from piezo_ros.identification.linear_plant import Model
+    from piezo_ros.identification.tuning.linear_plant import Model
 
 __all__ = ['BOUND_KIND', 'RATIONAL_KIND', 'read_bound', 'read_dynamics', 'read_node_model']
 
@@ -102,7 +102,7 @@ def read_dynamics(path: Path) -> 'Model':
     content = read_yaml(path)
     if not (isinstance(content, Mapping) and 'kind' in content):
         return LinearDynamics(read_node_model(path, 'trajectory', DynamicsParameters))
-    from piezo_ros.identification.linear_plant import LinearPlant
+    from piezo_ros.identification.tuning.linear_plant import LinearPlant
     content = _read_kind(path, content, RATIONAL_KIND)
     try:
         return LinearPlant(

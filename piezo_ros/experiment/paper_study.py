@@ -50,8 +50,8 @@ from piezo_ros.identification import (
     predict_operating_points,
     uncertainty_bound,
 )
-from piezo_ros.identification.loop_shape import LoopShape, loop_shape
-from piezo_ros.identification.tuning import PiTuning, tune_pi
+from piezo_ros.identification.tuning.loop_shape import LoopShape, loop_shape
+from piezo_ros.identification.tuning.pi_tuning import PiTuning, tune_pi
 from piezo_ros.model import HysteresisParameters, LinearDynamics, RigParameters
 from piezo_ros.report.metrics import Nonlinearity, nonlinearity, nrmse, tail
 

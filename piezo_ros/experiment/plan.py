@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Any, Final, TypeVar
 from piezo_ros.control import ControllerParameters, TrajectoryParameters
 from piezo_ros.control.changes import Change, changes_text, parse_changes, segments
 from piezo_ros.control.waveform import EXCITATIONS
-from piezo_ros.experiment.automatic import AUTO, KNOWN_STAGES, Prediction, known_rig, predict
+from piezo_ros.experiment.automatic import AUTO, KNOWN_STAGES, known_rig, predict
 from piezo_ros.experiment.errors import PlanError
 from piezo_ros.experiment.model_file import read_bound
 from piezo_ros.experiment.node_parameters import check_node_parameters
@@ -32,7 +32,8 @@ from piezo_ros.experiment.parameter_file import read_parameter_file, read_yaml
 from piezo_ros.model import HysteresisParameters, ParameterError, ParameterSet, RigParameters
 
 if TYPE_CHECKING:
-    from piezo_ros.identification.linear_plant import Bound
+    from piezo_ros.identification import OperatingPoint
+    from piezo_ros.identification.tuning.linear_plant import Bound
 
 __all__ = ['STAGES', 'STUDIES', 'Known', 'Plan', 'PlannedRun', 'plan_run', 'read_plan']
 
@@ -74,14 +75,14 @@ class PlannedRun:
         Name of its directories, unique within the plan.
     parameters : mapping of str to mapping
         Stage (node name) to all of its parameters.
-    prediction : Prediction or None
+    prediction : OperatingPoint or None
         What was decided for the run and why, where its scheme or harmonics were ``auto``.
 
     """
 
     name: str
     parameters: Mapping[str, Mapping[str, Any]]
-    prediction: Prediction | None = None
+    prediction: 'OperatingPoint | None' = None
 
     @property
     def bare(self) -> bool:
@@ -397,8 +398,8 @@ def _decided(
     except ValueError as error:
         raise PlanError(f'{where}: {" and ".join(open_)} auto: {error}') from None
     parameters = {stage: dict(values) for stage, values in run.parameters.items()}
-    parameters['controller']['scheme'] = prediction.scheme
-    parameters['trajectory']['harmonics'] = prediction.harmonics
+    parameters['controller']['scheme'] = prediction.chosen.scheme
+    parameters['trajectory']['harmonics'] = prediction.chosen.harmonics
     return replace(run, parameters=parameters, prediction=prediction)
 
 

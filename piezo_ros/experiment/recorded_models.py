@@ -24,7 +24,7 @@ from piezo_ros.control.excitation import Window
 from piezo_ros.control.waveform import excitation_of
 from piezo_ros.experiment.roles import recorded_node
 from piezo_ros.identification import Amplifier, FrequencyResponse, frequency_response
-from piezo_ros.identification.frequency_response import ExcludedPoint
+from piezo_ros.identification.response.frequency_response import ExcludedPoint
 from piezo_ros.model import (
     HysteresisParameters,
     MaxwellResistiveCapacitor,

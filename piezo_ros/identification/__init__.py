@@ -12,41 +12,50 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Identification: from arrays of recorded runs to models with standard errors."""
+"""
+Identification: from arrays of recorded runs to models, controller gains and predicted errors.
 
-from piezo_ros.identification.dynamics import DynamicsFit, fit_dynamics
-from piezo_ros.identification.frequency_response import (
+`hysteresis` and `response` fit models, with standard errors, `tuning` finds PI gains for them, and
+`prediction` the tracking errors to expect with both.
+"""
+
+from piezo_ros.identification.hysteresis.hysteresis_fit import (
+    Coverage,
+    HysteresisFit,
+    fit_hysteresis,
+)
+from piezo_ros.identification.hysteresis.model_comparison import (
+    ModelScore,
+    compare_hysteresis_models,
+)
+from piezo_ros.identification.prediction.operating_points import (
+    HarmonicsChoice,
+    OperatingPoint,
+    choose_harmonics,
+    equal_error_frequency_hz,
+    feedback_table,
+    predict_operating_point,
+    predict_operating_points,
+    recommend_scheme,
+)
+from piezo_ros.identification.prediction.tracking import TrackingPrediction, predict_tracking
+from piezo_ros.identification.response.dynamics_fit import DynamicsFit, fit_dynamics
+from piezo_ros.identification.response.frequency_response import (
     Amplifier,
     ExcludedPoint,
     FrequencyResponse,
     frequency_response,
     merge,
 )
-from piezo_ros.identification.harmonics import (
-    HarmonicsChoice,
-    HarmonicsPrediction,
-    choose_harmonics,
-)
-from piezo_ros.identification.hysteresis import Coverage, HysteresisFit, fit_hysteresis
-from piezo_ros.identification.hysteresis_comparison import ModelScore, compare_hysteresis_models
-from piezo_ros.identification.loop_shape import LoopShape, PiLoop, loop_shape
-from piezo_ros.identification.offline_excitation import run_excitation_offline
-from piezo_ros.identification.operating_points import (
+from piezo_ros.identification.response.offline_excitation import run_excitation_offline
+from piezo_ros.identification.response.uncertainty import UncertaintyBound, uncertainty_bound
+from piezo_ros.identification.tuning.feedback_table import (
     FeedbackTable,
-    OperatingPoint,
-    feedback_table,
-    predict_operating_point,
-    predict_operating_points,
-)
-from piezo_ros.identification.scheme_choice import (
-    SchemeChoice,
-    SchemePrediction,
     crossing_frequency_hz,
-    equal_error_frequency_hz,
-    recommend_scheme,
 )
-from piezo_ros.identification.tuning import PiTuning, tune_pi
-from piezo_ros.identification.uncertainty import UncertaintyBound, uncertainty_bound
+from piezo_ros.identification.tuning.loop_shape import LoopShape, loop_shape
+from piezo_ros.identification.tuning.pi_loop import PiLoop
+from piezo_ros.identification.tuning.pi_tuning import PiTuning, tune_pi
 
 __all__ = [
     'Amplifier',
@@ -65,6 +74,7 @@ __all__ = [
     'PiTuning',
     'SchemeChoice',
     'SchemePrediction',
+    'TrackingPrediction',
     'UncertaintyBound',
     'choose_harmonics',
     'compare_hysteresis_models',
@@ -78,8 +88,13 @@ __all__ = [
     'merge',
     'predict_operating_point',
     'predict_operating_points',
+    'predict_tracking',
     'recommend_scheme',
     'run_excitation_offline',
     'tune_pi',
     'uncertainty_bound',
 ]
+
+# Former names of two result types, kept for programs that import them.
+HarmonicsPrediction = SchemePrediction = TrackingPrediction
+SchemeChoice = OperatingPoint

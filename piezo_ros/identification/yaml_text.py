@@ -12,7 +12,17 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Numbers as text that every reader of YAML takes for floating-point numbers, all digits kept."""
+"""
+Floating-point numbers as YAML text with all digits kept.
+
+Examples
+--------
+>>> yaml_number(1e-05)
+'1.0e-05'
+>>> yaml_list([3, 0.25])
+'[3.0, 0.25]'
+
+"""
 
 from collections.abc import Iterable
 
@@ -20,11 +30,11 @@ __all__ = ['yaml_list', 'yaml_number']
 
 
 def yaml_number(value: float) -> str:
-    """Return a float that YAML 1.1 reads as one: it wants a point before the exponent."""
+    """Return a number as text that YAML 1.1 parses as a float: with a point before an exponent."""
     mantissa, mark, exponent = repr(float(value)).partition('e')
     return (mantissa if '.' in mantissa else mantissa + '.0') + mark + exponent
 
 
 def yaml_list(values: Iterable[float]) -> str:
-    """Return a list of such numbers."""
+    """Return numbers as a YAML list."""
     return '[' + ', '.join(map(yaml_number, values)) + ']'

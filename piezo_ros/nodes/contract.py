@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-The contract of a stage's topics as data: who reads and writes what, and what must be refused.
+The contract of a node's topics as data: what it reads and writes, and what it must refuse.
 
 See docs/topics.md for the contract in words.
 """

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-The demand: how far the trajectory may send, published by whoever consumes its samples.
+The demand: how far the trajectory may send, published by the node that consumes its samples.
 
 It only grows during a run. A zero says that nothing more is wanted.
 """
@@ -94,7 +94,7 @@ class DemandReader:
         """Begin a run."""
         self.limit = 0
         self.ended = False
-        self._lost: RunningTime | None = None  # since when there has been nobody
+        self._lost: RunningTime | None = None  # since when it has had no writer
 
     @property
     def topic_name(self) -> str:
@@ -118,12 +118,12 @@ class DemandReader:
 
     def check_writer(self, timeout_s: float) -> None:
         """
-        Look whether there is still somebody who demands.
+        Check that the demand still has a writer.
 
         Raises
         ------
         StreamFault
-            If there has been nobody for some time.
+            If it has had none for some time.
 
         """
         if self.writers:

@@ -21,7 +21,7 @@ from typing import Any, Final
 
 __all__ = ['make_events_executor', 'name_of_distribution', 'profiles_of_fastdds']
 
-# rclpy's major version -> the distribution whose it is.
+# rclpy's major version -> the distribution that has it.
 _DISTRIBUTIONS: Final = {'7': 'jazzy', '9': 'kilted'}
 
 

@@ -76,7 +76,7 @@ def _follow_parent() -> None:
     if parent is None or not sys.platform.startswith('linux'):
         return
     # A group of its own: a Ctrl-C reaches it through the supervisor, in order. Not a session of its
-    # own: Linux shares the processor among sessions, and who yields there yields to nobody else.
+    # own: Linux shares the processor among sessions, and yielding within one does not help another.
     os.setpgid(0, 0)
     ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_PDEATHSIG, signal.SIGINT)
     if os.getppid() != int(parent):

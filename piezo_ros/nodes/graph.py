@@ -41,8 +41,8 @@ from piezo_ros.nodes.supervisor import Supervisor, stopped_by
 __all__ = ['GraphRunner']
 
 # How long a run must be for compiled steps to make up for the compiler's start: without feedback a
-# second's work of Python steps; with it, what the loop waits for the plant, whose step is longest,
-# and for all of them.
+# second's work of Python steps; with it, what the loop waits for the plant, which has the longest
+# step, and for all of them.
 _WORTH_COMPILING_BLOCKS: Final = 200_000
 _WORTH_COMPILING_PLANT: Final = 30_000
 _WORTH_COMPILING_LOOP: Final = 40_000
@@ -96,7 +96,7 @@ class GraphRunner(Supervisor):
         Raises
         ------
         CampaignError
-            If a node failed or died, or somebody wanted the run to end; what was recorded is in
+            If a node failed or died, or the run was stopped from outside; what was recorded is in
             the bag.
 
         """
@@ -163,7 +163,7 @@ class GraphRunner(Supervisor):
 
 
 def _worth_compiling(planned: PlannedRun) -> Collection[str]:
-    """Return the stages whose compiled steps make up for their start, each in its own process."""
+    """Return the nodes, each a process, for which compiled steps make up for their start."""
     samples = planned.trajectory.samples
     if planned.bare or not planned.controller.uses_feedback:
         return planned.stages if samples > _WORTH_COMPILING_BLOCKS else ()
@@ -203,11 +203,11 @@ class _LiveRun:
         return float(self.statuses.get('plant', {}).get('elapsed_s', 0.0))
 
     def stop(self) -> None:
-        """End every process, remembering whose run was over before and why."""
+        """End every process, remembering which runs were over before and why."""
         self._faults_before_stop = self._faults()
         self._stopped_early = {
             name: status['reason'] for name, status in self.statuses.items()
-            # Whoever has made others stop says why.
+            # A node that has made others stop says why.
             if status['state'] == 'stopped' and not status['by_peer']}
         self.processes.stop()
 
@@ -219,19 +219,19 @@ class _LiveRun:
         for name, code in self.processes.blamed.items():
             if code < 0:
                 return [f'{name} was killed by {signal.Signals(-code).name}']
-        # Somebody else told them to end; that others had to fail then may be seen before.
+        # They were told to end from outside; that others had to fail then may be seen before.
         for stage, reason in self._stopped_early.items():
             name = stage if stage in self.processes else 'loop'
             return [f'{name} was stopped: {reason}', *faults]
         for name in self.processes.blamed:
-            # Who is told to end before its run is over fails, and that is as it should be.
+            # A process that is told to end before its run is over fails, as it should.
             if not stopped or faults:
                 reason = self.statuses.get(name, {}).get('reason', '')
                 return [f'{name} failed' + (f': {reason}' if reason else ''), *faults]
         return [] if stopped else self._cut_short()
 
     def _cut_short(self) -> list[str]:
-        """Return what shows that the run is not whole although nobody says why."""
+        """Return what shows that the run is not whole although no node says why."""
         for status in self.statuses.values():
             if status['state'] == 'stopped':
                 return [f'{status["node"]} was stopped: {status["reason"]}']

@@ -36,7 +36,6 @@ from piezo_ros.nodes.bursts import NAP_S
 from piezo_ros.nodes.distribution import make_events_executor
 from piezo_ros.nodes.executables import PARENT_VARIABLE
 from piezo_ros.nodes.leaving import exit_after
-from piezo_ros.nodes.library_pages import give_back_code
 from piezo_ros.nodes.middleware import set_middleware_defaults
 from piezo_ros.nodes.running_time import RunningTime
 from piezo_ros.nodes.stage import Stage
@@ -48,13 +47,13 @@ _SPIN_S = 0.5  # between two looks whether the process ends
 _TURNS = 64  # of the stages in which others wait, between two looks at all the rest
 _TURNS_ALONE = 16  # the same of one such stage alone in its process
 _LOOKS_ALONE = 64  # in each of these for a message, yielding in between
-_NAPS = 4  # turns where others have blocks on their way, and who has none naps
+_NAPS = 4  # turns where blocks are on their way; a node without one sleeps in between
 _YIELD_S = 0.02  # how long an empty loop only yields before it sleeps
 _SHORT_SLEEP_S = 0.001
 _LONGEST_SLEEP_S = 0.01
-_SHARE_SLEPT = 0.2  # of the time without input at once, by whom nobody waits for
-# How long the readers have for the last messages: one may be held up, or dead, which is known of
-# who was killed only after 20 s. A launch file gives a process 5 s to end after Ctrl-C.
+_SHARE_SLEPT = 0.2  # of the time without input, at once, by nodes that no peer waits for
+# How long the readers have for the last messages: one may be held up, or dead, which becomes
+# known of a killed process only after 20 s. A launch file gives a process 5 s to end after Ctrl-C.
 _ACKNOWLEDGE_S = 20.0
 _ACKNOWLEDGE_IN_HASTE_S = 4.0
 _DISCOVER_S = 1.0  # how long a supervisor has to discover a process that it ends so soon
@@ -68,7 +67,7 @@ class _StartInterrupted(BaseException):
     """
     The process was asked to end while a stage was getting ready.
 
-    No `Exception`, so that nobody on the way who catches these takes it for his own.
+    No `Exception`, so that code on the way that catches these does not take it for its own.
     """
 
 
@@ -94,7 +93,7 @@ class _Stop:
             raise _StartInterrupted
 
     def tell_unraisable(self, unraisable: Any) -> None:
-        """Tell of what was raised where nobody can catch it; a compiler cut off says nothing."""
+        """Tell of what was raised where no code can catch it; a compiler cut off says nothing."""
         if not self._interrupted:
             sys.__unraisablehook__(unraisable)
 
@@ -115,7 +114,7 @@ def host(make_stages: Callable[[], Sequence[Stage]]) -> int:
     Returns
     -------
     int
-        Exit code: 0 for a run that ended well or because somebody wanted it to end, 1 for a fault
+        Exit code: 0 for a run that ended well or was stopped from outside, 1 for a fault
         and for a run that could not begin.
 
     """
@@ -190,7 +189,6 @@ def _run(stages: Sequence[Stage], stop: _Stop) -> bool:
     try:
         if not _bring_up(stages, stop):
             return stop.is_wanted
-        give_back_code()  # before the first sample, for it takes as long as many of them
         _stream_loop(stages, stop)
     except _StartInterrupted:
         pass
@@ -275,7 +273,6 @@ def _stream_loop(stages: Sequence[Stage], stop: _Stop) -> None:
     # Blocks without feedback are soon used up.
     least_sleep_s = _SHORT_SLEEP_S if all(stage.in_bursts for stage in others) else NAP_S
     next_housekeeping = idle_since = time.monotonic()
-    is_tidy = False
     while not stop.signal_number:
         for stage in stages:
             stage.serve_request()
@@ -300,12 +297,9 @@ def _stream_loop(stages: Sequence[Stage], stop: _Stop) -> None:
         elif waited_for:
             time.sleep(_SHORT_SLEEP_S)
         elif following:
-            # Who has been asked for nothing for so long has time, and others need the processor.
+            # A node that was asked for nothing for so long has time; others need the processor.
             time.sleep(min(max(least_sleep_s, _SHARE_SLEPT * idle_s), _LONGEST_SLEEP_S))
         else:
-            if not is_tidy and any(stage.over for stage in stages):
-                is_tidy = True
-                give_back_code()  # of what was loaded for the first run and in it
             stop.wake.wait(_HOUSEKEEPING_S)
             stop.wake.clear()
         if now >= next_housekeeping:
@@ -330,13 +324,13 @@ def _turns(
     Parameters
     ----------
     stages : sequence of Stage
-        Who has a turn, in this order.
+        The nodes to serve, in this order.
     stop : _Stop
         Ends it.
     number : int
         How many turns each has.
     pause : callable
-        What to do between two turns if nobody had anything to do.
+        What to do between two turns if no node had anything to do.
     looks : int
         How often each looks for its input in one turn. A turn without any is the last then.
 
@@ -347,7 +341,7 @@ def _turns(
     for turn in range(1, number + 1):
         idle = True
         for stage in stages:
-            # Stages end within a turn; and who shall stop must not see its peers do so first.
+            # Stages end within a turn; and one that shall stop must not see its peers do so first.
             if stage.running and not stop.signal_number:
                 try:
                     if stage.look(looks):
@@ -371,7 +365,7 @@ def _all_over(stages: Sequence[Stage], idle_s: float) -> bool:
     """Return whether every run is over and has been for as long as the process shall stay."""
     if all(stage.shut_down for stage in stages):
         return True
-    # Who has brought a stage up by its services will also tell it when to go.
+    # A manager that has brought a node up by its services also tells it when to go.
     if not all(stage.starts_itself and stage.over and not stage.running for stage in stages):
         return False
     if any(stage.failed for stage in stages):

@@ -119,7 +119,7 @@ class KeptGraph(Supervisor):
         Raises
         ------
         CampaignError
-            If a node failed or died, or somebody wanted the run to end.
+            If a node failed or died, or the run was stopped from outside.
 
         """
         bag.parent.mkdir(parents=True, exist_ok=True)
@@ -165,7 +165,7 @@ class KeptGraph(Supervisor):
         return RunResult(float(plant['elapsed_s']))
 
     def _reasons(self, nodes: Sequence[str]) -> list[str]:
-        """Return why runs were cut short; of who only followed a peer, if that says nothing."""
+        """Return why runs were cut short; nodes that followed a peer count if no other says why."""
         statuses = [self._statuses[node] for node in nodes]
         own = [status for status in statuses if not status['by_peer']]
         return [f'{status["node"]}: {status["reason"]}' for status in own or statuses]

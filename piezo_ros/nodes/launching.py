@@ -36,7 +36,7 @@ from piezo_ros.experiment.launching import (
 __all__ = ['describe']
 
 PACKAGE = 'piezo_ros'
-# From SIGINT to SIGTERM, where nobody has set sigterm_timeout. Those whose reader was killed wait
+# From SIGINT to SIGTERM, where sigterm_timeout is not set. Nodes with a killed reader wait
 # some seconds for its acknowledgements, which is longer than the 5 s that launch gives by itself.
 _TIME_TO_END_S = '10'
 
@@ -113,7 +113,7 @@ class _Rig:
     def one_has_ended(self, event: ProcessExited, context: LaunchContext) -> Any:
         """Return what ends the others, if they shall."""
         reason = reason_to_end(event.action.node_executable, event.returncode)
-        # Who ends because it was told to, by us or by the end of the launch, is no reason.
+        # A process that ends because it was told to, by us or the end of the launch, is no reason.
         if not reason or self._is_ending or context.is_shutdown:
             return None
         self._is_ending = True

@@ -15,9 +15,9 @@
 """
 How a node leaves the graph, and its process the machine, although the middleware may hang in it.
 
-Fast DDS 3.2 hangs for ever, and Python with it, if somebody else's endpoint comes or goes while its
-participant is destroyed: it waits with an overflown deadline and keeps the lock that who is waited
-for needs.
+Fast DDS 3.2 hangs for ever, and Python with it, if a foreign endpoint comes or goes while its
+participant is destroyed: it waits with an overflown deadline and keeps the lock that the other side
+needs.
 """
 
 import ctypes

@@ -52,7 +52,7 @@ class Monitor:
     Parameters
     ----------
     stage : Stage
-        Whose outputs to show.
+        The node with the outputs to show.
 
     """
 
@@ -134,7 +134,7 @@ class Diagnostics:
     Parameters
     ----------
     stage : Stage
-        Whose health it is.
+        The node to report on.
 
     """
 

@@ -39,7 +39,7 @@ class Outlet:
     Parameters
     ----------
     stage : Stage
-        Whose node publishes.
+        The node that publishes.
     topic : str
         Relative name.
 
@@ -97,7 +97,7 @@ class Outlet:
         matched = self.publisher.get_subscription_count()
         if self._is_best_effort or not matched:
             return matched
-        # The volatile ones alone match: the stream keeps nothing for who asks for more.
+        # The volatile ones alone match: the stream keeps nothing for a reader that asks for more.
         onlookers = sum(
             endpoint.qos_profile.durability == DurabilityPolicy.VOLATILE
             for endpoint in self._readers(ReliabilityPolicy.BEST_EFFORT))

@@ -21,7 +21,7 @@ class Pace:
     """
     A schedule of answers, one each sample period times some factor.
 
-    An answer whose question comes after it was due is an overrun. The schedule then begins anew
+    An answer to a question that comes after it was due is an overrun. The schedule then begins anew
     from there: what was lost is not made up for by a burst.
 
     Parameters

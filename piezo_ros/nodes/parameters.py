@@ -71,7 +71,7 @@ def declare(
         try:
             reason = _refusal(node, sets, changes) or accept({
                 change.name: change.value for change in changes})
-        except Exception as error:  # Nobody above catches it.
+        except Exception as error:  # No caller catches it.
             reason = explain(error)
         return SetParametersResult(successful=not reason, reason=reason)
 

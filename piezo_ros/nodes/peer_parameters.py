@@ -41,7 +41,7 @@ class PeerParameters:
     Parameters
     ----------
     recorder : Recorder
-        Who asks.
+        The node that asks.
 
     Attributes
     ----------

@@ -36,7 +36,7 @@ STREAM = QoSProfile(
     history=HistoryPolicy.KEEP_ALL, reliability=ReliabilityPolicy.RELIABLE,
     durability=DurabilityPolicy.VOLATILE)
 
-# The newest value, also for whoever comes late.
+# The newest value, also for a late reader.
 LATCHED = QoSProfile(
     history=HistoryPolicy.KEEP_LAST, depth=1, reliability=ReliabilityPolicy.RELIABLE,
     durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -46,7 +46,7 @@ EVERY_STATUS = QoSProfile(
     history=HistoryPolicy.KEEP_ALL, reliability=ReliabilityPolicy.RELIABLE,
     durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
-# For onlookers: whoever is late or slow misses something, and nobody waits for them.
+# For onlookers: a late or slow one misses something, and no writer waits for it.
 NEWEST = QoSProfile(
     history=HistoryPolicy.KEEP_LAST, depth=1, reliability=ReliabilityPolicy.BEST_EFFORT,
     durability=DurabilityPolicy.VOLATILE)
@@ -56,7 +56,7 @@ DIAGNOSTICS = QoSProfile(
     history=HistoryPolicy.KEEP_LAST, depth=10, reliability=ReliabilityPolicy.RELIABLE,
     durability=DurabilityPolicy.VOLATILE)
 
-# The newest time; whoever asks for best effort, as clients of a clock do, gets it too.
+# The newest time; readers with best effort, as clients of a clock are, get it too.
 CLOCK = QoSProfile(
     history=HistoryPolicy.KEEP_LAST, depth=1, reliability=ReliabilityPolicy.RELIABLE,
     durability=DurabilityPolicy.VOLATILE)
@@ -70,7 +70,7 @@ OVERRIDES = (
 
 def overridable(profile: QoSProfile) -> dict[str, Any]:
     """
-    Return the arguments of an endpoint whose quality of service users may override.
+    Return the arguments of an endpoint with a quality of service that users may override.
 
     History, depth and reliability are the parameters ``qos_overrides.<topic>.publisher.history``
     and so on, read when the endpoint is created.

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Rescue of the bag of a run whose recorder did not come to close it."""
+"""Rescue of a bag that its recorder did not come to close."""
 
 from pathlib import Path
 

@@ -15,10 +15,10 @@
 """
 What keeps the rest of an interrupted run of a stream out of the next run.
 
-Messages carry no name of their run, and whoever is stopped first still has samples of the others on
-their way. But every run of a stream is one contiguous sequence that ends with an end marker: what
-goes on where the interrupted run was left is of that run, up to its end marker. A stage waits, when
-it is deactivated, until its readers have this marker.
+Messages carry no name of their run, and the node that stops first still has samples of the others
+on their way. But every run of a stream is one contiguous sequence that ends with an end marker:
+what goes on where the interrupted run was left is of that run, up to its end marker. A node waits,
+when it is deactivated, until its readers have this marker.
 """
 
 from collections import deque

@@ -25,7 +25,7 @@ __all__ = ['run_parameters']
 
 _BARE_LOOKAHEAD: Final = 1000
 _RECORDED_BLOCK_SAMPLES: Final = 1000
-# A loaded machine takes its time, and the supervisor sees who died.
+# A loaded machine takes its time, and the supervisor sees which process died.
 _PARAMETERS_TIMEOUT_S: Final = 15.0
 _HANDSHAKE_TIMEOUT_S: Final = 60.0
 

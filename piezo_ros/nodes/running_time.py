@@ -24,7 +24,7 @@ from typing import Final
 
 __all__ = ['LONGEST_LOOK_S', 'RunningTime']
 
-# Who looks more often than this loses nothing; what is longer, the process did not run.
+# Looking more often than this loses nothing; in what is longer, the process did not run.
 LONGEST_LOOK_S: Final = 0.25
 
 

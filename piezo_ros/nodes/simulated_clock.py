@@ -38,7 +38,7 @@ class SimulatedClock:
     Parameters
     ----------
     stage : Stage
-        Whose time it is.
+        The node with this time.
     index : callable
         Returns the present sample k.
 

@@ -75,10 +75,11 @@ class Stage(StreamNode):
     urgent = True
     # Whether a stage that is not urgent had better let its input pile up.
     in_bursts = False
-    # Whether it subscribes only once it knows the writers. Whoever waits for its readers then does
-    # not begin before they can hear: in a loop each waits for the next, but nobody for a recorder.
+    # Whether it subscribes only once it knows the writers. A writer that waits for its readers
+    # then does not begin before they can hear: in a loop each node waits for the next one, but none
+    # for a recorder.
     subscribes_late = False
-    # The counts whose growth the diagnostics warn of.
+    # The diagnostics warn where these counts grow.
     troubles: tuple[str, ...] = ('refused_messages', 'gaps')
 
     def __init__(self, name: str, *, compiled: bool = False) -> None:
@@ -96,11 +97,11 @@ class Stage(StreamNode):
         self.add_post_set_parameters_callback(guarded(self, self._after_changes))
         self.starts_itself = bool(self.get_parameter('autostart').value)
         self.running = False
-        self.in_blocks = False  # several samples at a time come in and go out, nobody waits for one
+        self.in_blocks = False  # several samples come in and go out at a time
         self.failed = False  # a fault is latched
         self.fault = ''  # what it was
         self.activating = False  # an activation is under way
-        self.given_up = False  # somebody wants no more of it
+        self.given_up = False  # it is no longer wanted
         self.was_given_up = False  # the newest activation came to nothing for that
         self.starting = False  # nothing is driven yet, and a signal need not wait
         self.over = False  # a run has ended, well or not
@@ -285,7 +286,7 @@ class Stage(StreamNode):
         self.get_logger().info(f'run {self.run_number} begins')
 
     def _give_up(self, why: str) -> TransitionCallbackReturn:
-        """Say that somebody wanted no run after all."""
+        """Say that no run was wanted after all."""
         self.was_given_up = True
         self.reason = why
         self.get_logger().info(why)
@@ -313,7 +314,7 @@ class Stage(StreamNode):
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """End the run; nothing is taken any more."""
         self.between_samples(lambda: self.stop('deactivated'))
-        # Whoever begins a run after this finds the end of this one among what has come.
+        # A reader that begins a run after this finds the end of this one among what has come.
         waited = RunningTime()
         self.await_acknowledgements(lambda: waited.elapsed_s() < _FAREWELL_S)
         self._monitor.stop()
@@ -473,12 +474,12 @@ class Stage(StreamNode):
 
     def stop(self, reason: str, *, by_peer: bool = False) -> None:
         """
-        End the run because somebody wants it to end.
+        End the run because it is to end, not for a fault.
 
         Parameters
         ----------
         reason : str
-            Who or what.
+            What wants it to end.
         by_peer : bool, optional
             Whether a peer has ended its own run, well or not: it says why.
 
@@ -521,12 +522,12 @@ class Stage(StreamNode):
             *(publisher for writer in writers for publisher in writer.publishers),
             *self.own_publishers, self._status,
         ]:
-            # Once at least: who has everything already is not waited for.
+            # Once at least: a reader that has everything already is not waited for.
             while not publisher.wait_for_all_acked(_ACKNOWLEDGE) and has_time():
                 pass
 
     def await_supervisor(self, has_time: Callable[[], bool]) -> None:
-        """Wait until somebody who listens to the status has been discovered."""
+        """Wait until a reader of the status has been discovered."""
         while not self._status.get_subscription_count() and has_time():
             time.sleep(0.01)
 

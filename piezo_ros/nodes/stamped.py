@@ -56,7 +56,7 @@ _LOOK_FOR_WRITERS_HZ = 0.2
 _WARN_S = 10.0
 _LEAVE_S = 4.0
 
-# For readers of either reliability and durability; who comes late has the last ones.
+# For readers of either reliability and durability; a late one has the last samples.
 _STAMPED = QoSProfile(
     history=HistoryPolicy.KEEP_LAST, depth=10, reliability=ReliabilityPolicy.RELIABLE,
     durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -129,7 +129,7 @@ def joint_state_fields(stream: str, value: float, joint: str) -> dict[str, list[
         In the unit of the stream.
     joint : str
         The joint whose position, in metres, a length is. No message has a field for volts: they go
-        into the effort of a joint of another name, which nobody takes for a force on this one.
+        into the effort of a joint of another name, which is not taken for a force on this one.
 
     """
     if STREAMS[stream] == 'um':
@@ -260,7 +260,7 @@ class _Twin:
         self.publisher.publish(stamped)
 
     def look_for_writer(self) -> None:
-        """Tell, once, if somebody writes the stream but does not show what is newest."""
+        """Tell, once, if the stream has a writer that does not show what is newest."""
         topic = self._node.resolve_topic_name(self._stream)
         if self._node.count_publishers(topic) and not self.subscription.get_publisher_count():
             self.is_settled = True

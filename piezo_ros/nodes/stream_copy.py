@@ -44,7 +44,7 @@ class StreamCopy:
     Parameters
     ----------
     stage : Stage
-        Whose output it is.
+        The node with that output.
     stream : str
         The stream.
     samples : int

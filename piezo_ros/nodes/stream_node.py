@@ -41,7 +41,7 @@ from piezo_ros.nodes.transitions import TransitionServer
 
 __all__ = ['ServiceRefusedError', 'StreamNode']
 
-_EXECUTOR_S = 10.0  # it ends with the process, whoever waits for it
+_EXECUTOR_S = 10.0  # it ends with the process, even if it is waited for
 
 
 class ServiceRefusedError(Exception):
@@ -50,7 +50,7 @@ class ServiceRefusedError(Exception):
 
 class StreamNode(LifecycleNode):
     """
-    A managed node whose streams an executor does not see.
+    A managed node with streams that an executor does not see.
 
     Parameters
     ----------
@@ -219,7 +219,7 @@ class StreamNode(LifecycleNode):
 
 
 class _Request:
-    """Something that one thread wants done by another; an exception goes back to who wants it."""
+    """An action that one thread wants done by another; its exception goes back."""
 
     def __init__(self, action: Callable[[], None]) -> None:
         self._action = action

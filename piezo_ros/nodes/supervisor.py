@@ -23,6 +23,7 @@ import rclpy
 from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import String
 
+from piezo_ros.interruption import was_interrupted
 from piezo_ros.nodes.leaving import destroy_after_others
 from piezo_ros.nodes.middleware import set_middleware_defaults
 from piezo_ros.nodes.qos import EVERY_STATUS
@@ -56,6 +57,8 @@ class Supervisor:
         self._old_handlers = {
             number: signal.signal(number, self._on_signal)
             for number in (signal.SIGINT, signal.SIGTERM)}
+        if was_interrupted(self._old_handlers[signal.SIGINT]):
+            self._stop_signal = signal.SIGINT
         rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
         self._node = rclpy.create_node('supervisor', namespace=self._namespace)
         self._subscription = self._node.create_subscription(

@@ -49,7 +49,7 @@ class Trajectory(Stage):
         self._demand = DemandReader(self)
 
     def missing_peers(self) -> str:
-        """Return whether somebody demands samples."""
+        """Return why no samples can be demanded, '' where they can."""
         writers = self._demand.writers
         if writers != 1:
             return f'{self._demand.topic_name} has {writers} writers, exactly one is needed'
@@ -84,7 +84,7 @@ class Trajectory(Stage):
         return True
 
     def watch(self, now_s: float) -> None:
-        """End the run when nobody is left to demand samples."""
+        """End the run when no node is left to demand samples."""
         self._demand.check_writer(self.settings.lost_writer_timeout_s)
 
     def status_fields(self) -> dict[str, Any]:

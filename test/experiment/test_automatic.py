@@ -52,7 +52,7 @@ def section(node, values):
 
 
 def measured_percent(run):
-    """Do a run on its true rig and return the NRMSE of its last four periods."""
+    """Simulate a run on its true rig and return the NRMSE of its last four periods."""
     streams = simulate(run.plant, run.compensator, run.controller, run.trajectory)
     scan = run.trajectory
     window = tail(scan.samples, scan.frequency_hz, scan.sample_period_s, 4.0)
@@ -66,7 +66,7 @@ def decisions(plan):
 
 @pytest.fixture
 def known_file(config, tmp_path):
-    """Write the models that were identified from the simulated rig, as identification writes."""
+    """Write a parameter file of the models that were identified from the simulated rig."""
     (run,) = yaml.safe_load((config / 'experiments' / 'automatic.yaml').read_text())['runs']
     path = tmp_path / 'known.yaml'
     path.write_text(yaml.safe_dump({
@@ -81,7 +81,7 @@ def test_the_plan_that_is_shipped_decides_every_run_as_the_rig_confirms(config):
     assert {run.controller.scheme for run in plan.runs} == {'ff', 'fbff'}
     for run in plan.runs:
         prediction = run.prediction
-        assert (prediction.scheme, prediction.harmonics) == (
+        assert (prediction.scheme, prediction.chosen.harmonics) == (
             run.controller.scheme, run.trajectory.harmonics)
         assert run.name.split('_')[1] == prediction.scheme
         measured = measured_percent(run)
@@ -92,17 +92,17 @@ def test_the_plan_that_is_shipped_decides_every_run_as_the_rig_confirms(config):
 def test_a_prediction_tells_every_scheme_and_every_number_of_harmonics(config):
     (run, *_) = read_plan(config / 'experiments' / 'automatic.yaml').runs
     prediction = run.prediction
-    assert set(prediction.by_scheme) == {'ff', 'fbff', 'fb'}
-    assert min(prediction.by_scheme.values()) == prediction.nrmse_percent
+    assert set(prediction.predicted_nrmse_percent) == {'ff', 'fbff', 'fb'}
+    assert min(prediction.predicted_nrmse_percent.values()) == prediction.nrmse_percent
     assert list(prediction.by_harmonics) == list(range(1, 42, 2))
-    assert prediction.by_harmonics[prediction.harmonics] == prediction.nrmse_percent
+    assert prediction.by_harmonics[prediction.chosen.harmonics] == prediction.nrmse_percent
     least = min(prediction.by_harmonics.values())
     assert prediction.nrmse_percent <= 1.01 * least
     assert all(
         percent > 1.01 * least for m, percent in prediction.by_harmonics.items()
-        if m < prediction.harmonics)
+        if m < prediction.chosen.harmonics)
     for words in (f'{prediction.scheme} is predicted to err least', '|S| = 1 at',
-                  f'm = {prediction.harmonics}: {prediction.nrmse_percent:.3g} %'):
+                  f'm = {prediction.chosen.harmonics}: {prediction.nrmse_percent:.3g} %'):
         assert words in prediction.reason
     record = prediction.record()
     assert json.loads(json.dumps(record)) == record
@@ -110,7 +110,7 @@ def test_a_prediction_tells_every_scheme_and_every_number_of_harmonics(config):
 
 
 def threes(runs):
-    """Return runs as (auto, ff, fbff), measured errors of the last two."""
+    """Yield each run of scheme auto with the measured errors of its ff and fbff neighbours."""
     for auto, ff, fbff in zip(runs[::3], runs[1::3], runs[2::3], strict=True):
         assert (ff.controller.scheme, fbff.controller.scheme) == ('ff', 'fbff')
         assert {run.trajectory.frequency_hz for run in (auto, ff, fbff)} == {
@@ -119,7 +119,7 @@ def threes(runs):
 
 
 def test_the_recommended_scheme_is_the_better_one_of_the_rig_over_table_4(write_plan, known_file):
-    # The stages are as published; only the knowledge of the rig is identified.
+    # The stages are as published; the known rig is identified.
     plan = read_plan(write_plan(
         known_rig_files=[str(known_file)],
         runs=[{**row, 'scheme': ['auto', 'ff', 'fbff']} for row in TABLE]))
@@ -129,7 +129,8 @@ def test_the_recommended_scheme_is_the_better_one_of_the_rig_over_table_4(write_
         assert list(auto.prediction.by_harmonics) == [9]
         right += auto.prediction.scheme == min(measured, key=measured.get)
         deviations += [
-            auto.prediction.by_scheme[scheme] / measured[scheme] - 1.0 for scheme in measured]
+            auto.prediction.predicted_nrmse_percent[scheme] / measured[scheme] - 1.0
+            for scheme in measured]
     assert len(deviations) == 2 * len(CELLS) == 60
     assert right >= 27
     assert np.median(np.abs(deviations)) < 0.03
@@ -137,7 +138,7 @@ def test_the_recommended_scheme_is_the_better_one_of_the_rig_over_table_4(write_
 
 
 def identified(rig):
-    """Identify hysteresis and dynamics from runs of a rig; return a parameter file's sections."""
+    """Identify hysteresis and dynamics from runs of a rig; return sections of a parameter file."""
     bare = simulate_bare(rig, TrajectoryParameters(
         output='voltage', waveform='decreasing_triangle', amplitude_v=4.5, frequency_hz=1.0,
         periods=10.0, harmonics=0, sample_period_s=1e-4))
@@ -228,7 +229,7 @@ def test_the_data_sheet_of_the_amplifier_has_a_part_in_it(write_plan, tmp_path, 
     assert fast.trajectory.harmonics > slow.trajectory.harmonics
     assert 'the amplifier is at its limits from m = ' in slow.prediction.reason
     assert fast.prediction.nrmse_percent < slow.prediction.nrmse_percent
-    # Only what is known changes, not what is driven.
+    # Only the known rig changes, not the simulated one.
     assert fast.plant.slew_limit_v_per_s == (18200.0 if file else 0.0)
 
 
@@ -257,7 +258,7 @@ def test_feedback_that_would_not_be_stable_is_not_recommended(write_plan):
     (run,) = read_plan(write_plan(runs=[
         {'scheme': 'auto', 'harmonics': 'auto', 'controller': {'proportional_gain': 30.0}}])).runs
     assert run.controller.scheme == 'ff'
-    assert set(run.prediction.by_scheme) == {'ff'}
+    assert set(run.prediction.predicted_nrmse_percent) == {'ff'}
     assert 'the loop is not stable' in run.prediction.reason
 
 
@@ -270,7 +271,7 @@ def test_auto_in_the_section_of_a_node_is_decided_too(write_plan):
     (run,) = read_plan(write_plan(runs=[
         {'controller': {'scheme': 'auto'}, 'trajectory': {'harmonics': 'auto'},
          'waveform': 'sine', 'frequency_hz': 900.0}])).runs
-    assert run.prediction.harmonics == run.trajectory.harmonics
+    assert run.prediction.chosen.harmonics == run.trajectory.harmonics
     assert run.controller.scheme == 'ff'
     assert run.trajectory.harmonics == 1
 
@@ -287,7 +288,7 @@ def test_the_scored_periods_of_the_plan_are_the_predicted_ones(write_plan):
 def test_runs_that_a_program_plans_may_leave_things_open_as_well(config):
     base = {stage: {} for stage in ('compensator', 'controller', 'plant', 'trajectory')}
     run = plan_run(base, {'scheme': 'auto', 'harmonics': 'auto'}, where='here', number=7)
-    assert run.prediction.harmonics == run.trajectory.harmonics > 0
+    assert run.prediction.chosen.harmonics == run.trajectory.harmonics > 0
     assert run.name == f'007_{run.controller.scheme}_triangle_1um_300hz'
 
 

@@ -49,7 +49,7 @@ TRIANGLE = TrajectoryParameters(
 STEPPED = TrajectoryParameters(
     waveform='stepped_sine', harmonics=0, amplitude_um=0.5, dwell_s=0.01, sample_period_s=PERIOD_S,
     frequencies_hz=(250.0, 400.0, 700.0, 1000.0, 1400.0, 1900.0, 2500.0, 3300.0))
-# What was played, as its user's own parameter file says it.
+# The excitation that was played, as in the parameter file of its user.
 PLAYED = {
     'waveform': 'stepped_sine', 'harmonics': 0, 'amplitude_um': 0.5, 'dwell_s': 0.01,
     'frequencies_hz': list(STEPPED.frequencies_hz)}
@@ -75,7 +75,7 @@ def record_ours(directory, streams, parameters):
 
 
 def record_rosbag2(directory, streams, *, start=0, extra=False, period_s=PERIOD_S):
-    """Write what `ros2 bag record -s mcap` leaves: wall-clock times, QoS, nothing of ours."""
+    """Write a bag as `ros2 bag record -s mcap` does: wall-clock times, QoS, no record of ours."""
     directory.mkdir()
     qos = '- history: 3\n  depth: 0\n  reliability: 1\n  durability: 2\n'
     counts: dict[str, int] = {}
@@ -165,7 +165,7 @@ def identified(directory, kind, *arguments):
 
 @pytest.fixture
 def identify(tmp_path, capsys):
-    """Run the command; return exit code, identified parameters and what it said."""
+    """Run the command; return exit code, identified parameters and output."""
     def run(kind, *arguments):
         code, model = identified(tmp_path, kind, *arguments)
         out, err = capsys.readouterr()

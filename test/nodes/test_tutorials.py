@@ -127,7 +127,8 @@ def test_the_first_scan(shell):
     assert (folder / 'first_scan' / 'metadata.yaml').is_file()
 
 
-@pytest.mark.parametrize('name', ['your-own-controller', 'your-own-rig'])
+@pytest.mark.parametrize('name', [
+    'your-own-controller', pytest.param('your-own-rig', marks=pytest.mark.slow)])
 def test_nodes_of_ones_own(shell, name):
     (path,) = (path for path in TUTORIALS if path.stem == name)
     output, folder = shell('\n'.join(blocks(path)))

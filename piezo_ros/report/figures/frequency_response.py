@@ -15,8 +15,8 @@
 """
 Draws frequency responses as magnitude and phase with their confidence.
 
-A response g whose true value lies in a circle of radius r has the magnitude |g| ± r and the phase
-arg g ± arcsin(r / |g|).
+Where the true value lies in a circle of radius r around the response g, the magnitude is |g| ± r
+and the phase arg g ± arcsin(r / |g|).
 """
 
 from collections.abc import Sequence

@@ -1,0 +1,83 @@
+# Copyright 2026 piezo_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Time that the identification of hysteresis and dynamics and the tuning of PI gains take."""
+
+from functools import cache
+from typing import Any, Final
+
+from benchmarks.measurement import Measurement, Ratio, lower, seconds
+from piezo_ros.control import TrajectoryParameters, simulate_bare
+from piezo_ros.control.waveform import excitation_of
+from piezo_ros.identification import (
+    FrequencyResponse,
+    fit_dynamics,
+    fit_hysteresis,
+    frequency_response,
+    run_excitation_offline,
+    tune_pi,
+)
+from piezo_ros.model import LinearDynamics, MaxwellResistiveCapacitor, RigParameters
+
+__all__ = ['FITS', 'FIT_RATIOS']
+
+_FREQUENCIES_HZ: Final = (
+    20.0, 40.0, 80.0, 150.0, 250.0, 400.0, 600.0, 800.0, 1000.0, 1300.0, 1600.0, 2000.0)
+
+
+@cache
+def _slow_triangle() -> Any:
+    return simulate_bare(RigParameters(), TrajectoryParameters(
+        output='voltage', waveform='decreasing_triangle', amplitude_v=3.0, frequency_hz=1.0,
+        periods=5.0, harmonics=0, sample_period_s=1e-4))
+
+
+@cache
+def _response() -> FrequencyResponse:
+    trajectory = TrajectoryParameters(
+        waveform='stepped_sine', amplitude_um=0.1, frequencies_hz=_FREQUENCIES_HZ, harmonics=0)
+    excitation = excitation_of(trajectory)
+    _, displacement_um = run_excitation_offline(
+        RigParameters(), MaxwellResistiveCapacitor(), excitation.command,
+        trajectory.sample_period_s)
+    return frequency_response(
+        excitation.command, displacement_um, trajectory.sample_period_s, excitation=excitation)
+
+
+def _hysteresis_s() -> tuple[float]:
+    run = _slow_triangle()
+    return (seconds(lambda: fit_hysteresis(run.voltage_v, run.displacement_um[:-1])),)
+
+
+def _dynamics_s() -> tuple[float]:
+    response = _response()
+    return (seconds(lambda: fit_dynamics(response)),)
+
+
+def _tuning_s() -> tuple[float]:
+    return (seconds(lambda: tune_pi(LinearDynamics())),)
+
+
+FITS: Final = (
+    Measurement('fits', (lower('fit_hysteresis', 's'),), _hysteresis_s),
+    Measurement('fits', (lower('fit_dynamics', 's'),), _dynamics_s),
+    Measurement('fits', (lower('tune_pi', 's'),), _tuning_s),
+)
+FIT_RATIOS: Final = (
+    Ratio('fit_hysteresis_over_decomposition', 'fit_hysteresis', 'decomposition',
+          higher_is_better=False),
+    Ratio('fit_dynamics_over_decomposition', 'fit_dynamics', 'decomposition',
+          higher_is_better=False),
+    Ratio('tune_pi_over_decomposition', 'tune_pi', 'decomposition', higher_is_better=False),
+)

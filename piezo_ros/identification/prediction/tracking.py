@@ -1,0 +1,287 @@
+# Copyright 2026 piezo_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The tracking error to expect of one run, from a model of the plant or the rig.
+
+For harmonic k of the reference Y_d, with the dynamics G, the feedforward F (the inverse model up to
+harmonic m, 0 beyond), the controller K, (8) in Liu 2015, a measurement that is d samples old and
+S = 1/(1 + K G z^-d), (16):
+
+    ff:     U = F Y_d
+    fbff:   U = S (F + K) Y_d
+    fb:     U = S K Y_d
+    E = Y_d - G U
+
+E is the known error: harmonics beyond m, the hold, a feedforward that inverts another model than G.
+A relative uncertainty |Delta| <= |W| adds |G U W|, (14), under feedback |S G U W|, (15). The two
+parts have unrelated phases:
+
+    NRMSE^2 = (sum_k (|E_k|^2 + |uncertain_k|^2)/2 + mean square of harmonics not listed) / (2 A)^2
+
+A rig (hysteresis, rails, slew limit) is simulated too; the simulated NRMSE then takes the place of
+the known part.
+
+Examples
+--------
+The feedforward of nine harmonics leaves 0.37 % of a triangle:
+
+>>> from piezo_ros.control import ControllerParameters, TrajectoryParameters
+>>> from piezo_ros.model import LinearDynamics
+>>> prediction = predict_tracking(
+...     LinearDynamics(), TrajectoryParameters(harmonics=9), ControllerParameters(scheme='ff'))
+>>> round(prediction.truncation_percent, 2)
+0.37
+
+"""
+
+import math
+from dataclasses import dataclass, field, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from piezo_ros.control import ControllerParameters, TrajectoryParameters, simulate
+from piezo_ros.control.feedforward import fourier_amplitudes
+from piezo_ros.identification.tuning.linear_plant import Bound, Model, bound_magnitude
+from piezo_ros.identification.tuning.pi_loop import PiLoop
+from piezo_ros.model import HysteresisParameters, LinearDynamics, RigParameters
+
+__all__ = ['TrackingPrediction', 'predict_tracking']
+
+_MOST_HARMONICS: Final = 2001
+# fs / f is rarely representable: whole periods are counted with this much tolerance, in samples.
+_ROUNDING_SAMPLES: Final = 1e-6
+_SLEW_TOLERANCE: Final = 1e-9
+
+_Floats = NDArray[np.float64]
+_Complexes = NDArray[np.complex128]
+
+
+@dataclass(frozen=True)
+class TrackingPrediction:
+    """
+    Predicted error of one run in steady state, percent of the peak-to-peak reference.
+
+    Attributes
+    ----------
+    scheme : str
+        Scheme of the controller.
+    harmonics : int
+        Highest harmonic m of the feedforward.
+    linear_nrmse_percent : float
+        NRMSE by the spectra, uncertainty included.
+    truncation_percent, uncertainty_percent : float
+        The parts of it that are due to the harmonics beyond m and to the uncertainty of the model.
+    frequency_hz : ndarray, shape (K,)
+        Frequencies of the harmonics of the reference.
+    reference_um : ndarray, shape (K,)
+        Their amplitudes A_k, (11) in Liu 2015; signed.
+    known_error_um : ndarray of complex, shape (K,)
+        The known error; sin(w t) is 1.
+    uncertain_error_um : ndarray, shape (K,)
+        Size of the further error for the size of Delta, (14) and (15).
+    simulated_nrmse_percent : float or None
+        NRMSE of the last periods of the run simulated on the known rig; None without a rig.
+    slew_v_per_s, voltage_minimum_v, voltage_maximum_v : float or None
+        Fastest change and extremes of the voltage that the simulated run asks for, the extremes as
+        deviations from the operating point; None without a rig.
+    slew_limited, rail_limited : bool
+        Whether the amplifier cannot follow; false without a rig.
+
+    """
+
+    scheme: str
+    harmonics: int
+    linear_nrmse_percent: float
+    truncation_percent: float
+    uncertainty_percent: float
+    frequency_hz: _Floats = field(repr=False, compare=False)
+    reference_um: _Floats = field(repr=False, compare=False)
+    known_error_um: _Complexes = field(repr=False, compare=False)
+    uncertain_error_um: _Floats = field(repr=False, compare=False)
+    simulated_nrmse_percent: float | None = None
+    slew_v_per_s: float | None = None
+    voltage_minimum_v: float | None = None
+    voltage_maximum_v: float | None = None
+    slew_limited: bool = False
+    rail_limited: bool = False
+
+    @property
+    def nrmse_percent(self) -> float:
+        """Expected NRMSE: the simulated run with the uncertainty, without a rig the spectra."""
+        if self.simulated_nrmse_percent is None:
+            return self.linear_nrmse_percent
+        return math.hypot(self.simulated_nrmse_percent, self.uncertainty_percent)
+
+    @property
+    def is_limited(self) -> bool:
+        """Whether the amplifier reaches its slew limit or a rail."""
+        return self.slew_limited or self.rail_limited
+
+    def record(self) -> dict[str, float | bool | None]:
+        """Return every number under its name, for report.json and tables."""
+        return {
+            'harmonics': self.harmonics,
+            'nrmse_percent': self.nrmse_percent,
+            'linear_nrmse_percent': self.linear_nrmse_percent,
+            'simulated_nrmse_percent': self.simulated_nrmse_percent,
+            'truncation_percent': self.truncation_percent,
+            'uncertainty_percent': self.uncertainty_percent,
+            'slew_v_per_s': self.slew_v_per_s,
+            'slew_limited': self.slew_limited,
+            'rail_limited': self.rail_limited,
+        }
+
+
+def predict_tracking(
+    model: Model | RigParameters,
+    trajectory: TrajectoryParameters,
+    controller: ControllerParameters,
+    *,
+    compensator: HysteresisParameters | None = None,
+    uncertainty: Bound | None = None,
+    score_periods: float = 4.0,
+) -> TrackingPrediction:
+    """
+    Return the error to expect of a run.
+
+    Parameters
+    ----------
+    model : LinearDynamics, DynamicsFit, control.TransferFunction or RigParameters
+        The best known model of the compensated actuator; the feedforward inverts the dynamics in
+        ``trajectory``, which may differ. A rig (identified dynamics and hysteresis, slew limit
+        and rails of the amplifier) is simulated too. Its order should be ``physical``: a lumped rig
+        predicts high harmonics that hysteresis before the mechanics does not produce.
+    trajectory : TrajectoryParameters
+        A triangle or a sine, its feedforward and the sample period.
+    controller : ControllerParameters
+        Scheme, gains and delay of the measurement.
+    compensator : HysteresisParameters, optional
+        The hysteresis that the simulated run inverts; that of the rig by default.
+    uncertainty : UncertaintyBound, control.TransferFunction or callable, optional
+        W(s), or a measured |Delta| as a function of the frequency in hertz.
+    score_periods : float, optional
+        Periods at the end of the simulated run that are scored.
+
+    Returns
+    -------
+    TrackingPrediction
+        The predicted error and its parts.
+
+    Raises
+    ------
+    ParameterError
+        If the waveform has no Fourier series.
+    ValueError
+        If a simulated run has fewer periods than are to be scored.
+
+    """
+    if not isinstance(model, RigParameters):
+        return _by_spectra(model, trajectory, controller, uncertainty)
+    prediction = _by_spectra(
+        LinearDynamics(model.true_dynamics), trajectory, controller, uncertainty)
+    return _with_simulation(
+        prediction, model, trajectory, controller, compensator or model, score_periods)
+
+
+def _by_spectra(
+    model: Model, trajectory: TrajectoryParameters, controller: ControllerParameters,
+    uncertainty: Bound | None,
+) -> TrackingPrediction:
+    """Return the error of a linear rig, harmonic by harmonic."""
+    period_s = trajectory.sample_period_s
+    nyquist_harmonic = math.ceil(0.5 / (trajectory.frequency_hz * period_s)) - 1
+    highest = min(max(nyquist_harmonic, 1), _MOST_HARMONICS)
+    all_amplitudes = fourier_amplitudes(trajectory.waveform, trajectory.amplitude_um, highest)
+    order = np.flatnonzero(all_amplitudes) + 1
+    amplitude = all_amplitudes[order - 1]
+    frequency = np.asarray(order * trajectory.frequency_hz, dtype=np.float64)
+    # Without feedback the gains do not matter, but a loop needs some.
+    gains = (controller.proportional_gain, controller.integral_gain_per_s)
+    loop = PiLoop.of(
+        model, *(gains if any(gains) else (1.0, 0.0)), period_s,
+        controller.measurement_delay_samples)
+    feedforward = _feedforward_gain(trajectory, order) * amplitude * controller.uses_feedforward
+    sensitivity: _Complexes = np.ones(order.size, dtype=np.complex128)
+    command = feedforward
+    if controller.uses_feedback and any(gains):
+        sensitivity = loop.sensitivity(frequency)
+        command = sensitivity * (feedforward + loop.controller_response(frequency) * amplitude)
+    elif controller.scheme == 'open_loop':
+        command = amplitude.astype(np.complex128)
+    output = loop.plant_response(frequency) * command
+    known = amplitude - output
+    uncertain: _Floats = np.zeros(order.size)
+    if uncertainty is not None:
+        uncertain = np.abs(sensitivity * output) * bound_magnitude(uncertainty, frequency)
+    left_out_um2 = max(_mean_square(trajectory) - 0.5 * float(np.sum(amplitude**2)), 0.0)
+
+    def percent(amplitudes_um: _Floats, further_um2: float) -> float:
+        mean_square = 0.5 * float(np.sum(amplitudes_um**2)) + further_um2
+        return 100.0 * math.sqrt(mean_square) / (2.0 * trajectory.amplitude_um)
+
+    return TrackingPrediction(
+        scheme=controller.scheme, harmonics=trajectory.harmonics,
+        linear_nrmse_percent=percent(np.hypot(np.abs(known), uncertain), left_out_um2),
+        truncation_percent=percent(np.abs(known[order > trajectory.harmonics]), left_out_um2),
+        uncertainty_percent=percent(uncertain, 0.0),
+        frequency_hz=frequency, reference_um=amplitude, known_error_um=known,
+        uncertain_error_um=uncertain)
+
+
+def _feedforward_gain(
+    trajectory: TrajectoryParameters, order: NDArray[np.int64],
+) -> _Complexes:
+    """Return U_k/A_k of (13) in Liu 2015."""
+    model = LinearDynamics(trajectory)
+    if trajectory.harmonics == 0:
+        return np.full(order.size, 1.0 / trajectory.dc_gain, dtype=np.complex128)
+    return np.where(
+        order <= trajectory.harmonics, 1.0 / model.response(order * trajectory.frequency_hz), 0.0)
+
+
+def _mean_square(trajectory: TrajectoryParameters) -> float:
+    share = {'triangle': 1.0 / 3.0, 'sine': 0.5}[trajectory.waveform]
+    return share * trajectory.amplitude_um**2
+
+
+def _with_simulation(
+    prediction: TrackingPrediction, rig: RigParameters, trajectory: TrajectoryParameters,
+    controller: ControllerParameters, compensator: HysteresisParameters, score_periods: float,
+) -> TrackingPrediction:
+    """Return the prediction with the error of a simulated run and its demand on the amplifier."""
+    if not 0.0 < score_periods <= trajectory.periods:
+        raise ValueError(
+            f'score_periods is {score_periods}, allowed is above 0 … {trajectory.periods} '
+            '(periods of the trajectory)')
+    run = simulate(rig, compensator, controller, trajectory)
+    period_s = trajectory.sample_period_s
+    count = min(trajectory.samples, max(2, math.floor(
+        score_periods / (trajectory.frequency_hz * period_s) + _ROUNDING_SAMPLES)))
+    error = run.reference_um[-count:] - run.displacement_um[:-1][-count:]
+    voltage = run.voltage_v[-count:]
+    slew = float(np.max(np.abs(np.diff(voltage)))) / period_s
+    low = rig.voltage_minimum_v - rig.operating_point_v
+    high = rig.voltage_maximum_v - rig.operating_point_v
+    return replace(
+        prediction,
+        simulated_nrmse_percent=100.0 * float(np.sqrt(np.mean(error**2)))
+        / float(np.ptp(run.reference_um[-count:])),
+        slew_v_per_s=slew,
+        voltage_minimum_v=float(voltage.min()),
+        voltage_maximum_v=float(voltage.max()),
+        slew_limited=0.0 < rig.slew_limit_v_per_s * (1.0 + _SLEW_TOLERANCE) < slew,
+        rail_limited=bool(voltage.min() < low or voltage.max() > high))

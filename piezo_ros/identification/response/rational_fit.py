@@ -1,0 +1,281 @@
+# Copyright 2026 piezo_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+A rational model fitted to a sampled frequency response by weighted least squares.
+
+    minimise sum_k |H(w_k) - H_k|^2 / (variance_k/2 + (e^2/2) |H_k| max |H_k|)
+
+over the parameters of `rational_model`, H(w) being the response of the model behind the zero-order
+hold and H_k the measured points. The model error e is 0 where the noise explains the residual; else
+it is the value for which the weighted sum of squares equals the degrees of freedom.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq, least_squares
+
+from piezo_ros.identification.response.frequency_response import FrequencyResponse
+from piezo_ros.identification.response.rational_model import (
+    Sections,
+    Shape,
+    sampled_response,
+    start_from_response,
+    with_best_numerator,
+)
+
+__all__ = ['RationalFit', 'RationalProblem', 'fit_rational']
+
+_FASTEST = 10.0  # over the highest measured frequency: faster poles do not show in the points
+_DAMPING = (1e-4, 1e2)
+_EVALUATIONS = 100
+_STARTS = 4  # of which the best is taken
+_MODEL_ERROR_ROUNDS = 4
+
+
+class RationalProblem(NamedTuple):
+    """The points in units of the reference frequency, and the bounds of the parameters."""
+
+    shape: Shape
+    frequency: NDArray[np.float64]  # (N,) angular
+    measured: NDArray[np.complex128]  # (N,)
+    variance: NDArray[np.float64]  # (N,) of the noise
+    sample_period: float
+    delay: float  # known
+    reference: float  # rad/s, the highest frequency
+    lower: NDArray[np.float64]  # (P,)
+    upper: NDArray[np.float64]  # (P,)
+
+    @classmethod
+    def of(
+        cls, shape: Shape, points: FrequencyResponse, delay_samples: float, positive: bool,
+    ) -> 'RationalProblem':
+        """
+        Scale the points and set the bounds.
+
+        Parameters
+        ----------
+        shape : Shape
+            Orders of the model.
+        points : FrequencyResponse
+            Points of the sampled response.
+        delay_samples : float
+            Known delay, in samples.
+        positive : bool
+            Whether gain and zeros are bounded as those of (6) in Liu 2015.
+
+        """
+        omega = 2.0 * np.pi * points.frequency_hz
+        reference = float(omega.max())
+        period = points.sample_period_s * reference
+        slowest = math.log(1e-2 * float(omega.min()) / reference)
+        sections = shape.first_order + shape.second_order
+        numerator: NDArray[np.float64] = np.full(shape.numerator_order + 1, np.inf)
+        low_numerator: NDArray[np.float64] = -numerator
+        if positive:  # (6) has k > 0 and b2 > 0, and its zeros are no faster than its poles
+            gain = float(np.abs(points.response).max())
+            numerator = gain * np.array([1e3, 1e2, 1e4])
+            low_numerator = gain * np.array([1e-3, -1e2, _FASTEST**-2])
+        lower = np.concatenate([
+            np.full(sections, slowest), np.full(shape.second_order, math.log(_DAMPING[0])),
+            low_numerator, np.full(int(shape.fits_delay), -delay_samples * period)])
+        upper = np.concatenate([
+            np.full(sections, math.log(_FASTEST)),
+            np.full(shape.second_order, math.log(_DAMPING[1])),
+            numerator, np.full(int(shape.fits_delay), np.inf)])
+        return cls(
+            shape, omega / reference, points.response, points.variance, period,
+            delay_samples * period, reference, lower, upper)
+
+    @property
+    def power(self) -> NDArray[np.float64]:
+        """
+        The square to which a model error refers: |H| max |H|, shape (N,).
+
+        A purely relative error would fit the dips of the response at the cost of the pass band.
+        """
+        gain = np.abs(self.measured)
+        return np.asarray(gain * gain.max())
+
+    def weight(self, model_error: float) -> NDArray[np.float64]:
+        """Return inverse standard errors of the real and of the imaginary parts, shape (N,)."""
+        variance = self.variance + model_error**2 * self.power
+        return np.asarray(1.0 / np.sqrt(0.5 * variance))
+
+    def residual(self, sections: Sections, model_error: float) -> NDArray[np.float64]:
+        """Return weighted real, then imaginary residuals, shape (2 N,)."""
+        value, _ = sampled_response(sections, self.frequency, self.sample_period)
+        error = self.weight(model_error) * (value - self.measured)
+        return np.concatenate([error.real, error.imag])
+
+    def refine(self, start: Sections, model_error: float) -> '_LocalOptimum':
+        """Return the local optimum from a start."""
+        weight = self.weight(model_error)
+        cache: dict[bytes, tuple[NDArray[np.float64], NDArray[np.float64]]] = {}
+
+        def evaluate(vector: NDArray[np.float64]) -> tuple[
+                NDArray[np.float64], NDArray[np.float64]]:
+            key = vector.tobytes()
+            if key not in cache:
+                value, jacobian = sampled_response(
+                    Sections.split(self.shape, vector, self.delay), self.frequency,
+                    self.sample_period)
+                error = weight * (value - self.measured)
+                slope = weight[:, None] * jacobian[:, :self.shape.size]
+                cache.clear()
+                cache[key] = (
+                    np.concatenate([error.real, error.imag]),
+                    np.concatenate([slope.real, slope.imag]))
+            return cache[key]
+
+        def residual(vector: NDArray[np.float64]) -> NDArray[np.float64]:
+            return evaluate(vector)[0]
+
+        def slopes(vector: NDArray[np.float64]) -> NDArray[np.float64]:
+            return evaluate(vector)[1]
+
+        vector = start.join(self.shape)
+        if self.shape.fits_delay:
+            vector[-1] = start.delay - self.delay
+        inside = np.clip(vector, self.lower, self.upper)
+        found = least_squares(
+            residual, inside, jac=slopes,
+            bounds=(self.lower, self.upper), x_scale='jac', max_nfev=_EVALUATIONS,
+            xtol=1e-10, ftol=1e-10, gtol=1e-10)
+        return _LocalOptimum(
+            Sections.split(self.shape, found.x, self.delay), slopes(found.x),
+            2.0 * float(found.cost))
+
+
+class _LocalOptimum(NamedTuple):
+    """Where least squares ended from one start."""
+
+    sections: Sections
+    jacobian: NDArray[np.float64]  # (2 N, P), weighted
+    squares: float
+
+
+class RationalFit(NamedTuple):
+    """
+    The best model of a shape with P parameters.
+
+    Attributes
+    ----------
+    sections : Sections
+        The model.
+    covariance : ndarray, shape (P, P)
+        Of the parameter vector, scaled by the residual that is left.
+    reduced_chi_squared : float
+        Squared residual over that of the noise.
+    model_error : float
+        Error of the structure, added to the noise in the weights.
+
+    """
+
+    sections: Sections
+    covariance: NDArray[np.float64]
+    reduced_chi_squared: float
+    model_error: float
+
+
+def fit_rational(problem: RationalProblem) -> RationalFit:
+    """
+    Return the best model of several starts.
+
+    Parameters
+    ----------
+    problem : RationalProblem
+        Points and bounds.
+
+    Returns
+    -------
+    RationalFit
+        The model with the covariance of its parameters.
+
+    """
+    degrees = 2 * problem.frequency.size - problem.shape.size
+    # Noise alone exceeds this chi squared in one of a thousand cases.
+    enough = 1.0 + 3.1 * math.sqrt(2.0 / degrees)
+    best: _LocalOptimum | None = None
+    for start in _starts(problem):
+        refined = problem.refine(start, 0.0)
+        # Two starts with the same result have found the optimum, and noise alone cannot be reduced.
+        met = best is not None and abs(refined.squares - best.squares) < 1e-4 * best.squares
+        if best is None or refined.squares < best.squares:
+            best = refined
+        if met or best.squares <= enough * degrees:
+            break
+    assert best is not None
+    chi_squared = best.squares / degrees
+    model_error = 0.0
+    if chi_squared > enough:
+        for _ in range(_MODEL_ERROR_ROUNDS):
+            before, model_error = model_error, _model_error(problem, best.sections, degrees)
+            best = problem.refine(best.sections, model_error)
+            if abs(model_error - before) < 1e-2 * model_error:
+                break
+    # Scaled by the residual: the variances of the points are themselves estimates.
+    residual = problem.residual(best.sections, model_error)
+    scale = float(residual @ residual) / degrees
+    covariance = np.asarray(
+        scale * np.linalg.pinv(best.jacobian.T @ best.jacobian, hermitian=True, rcond=1e-14))
+    return RationalFit(best.sections, covariance, chi_squared, model_error)
+
+
+def _model_error(problem: RationalProblem, sections: Sections, degrees: int) -> float:
+    """Return the model error for which the weighted squares equal the degrees of freedom."""
+    value, _ = sampled_response(sections, problem.frequency, problem.sample_period)
+    squares = 2.0 * np.abs(value - problem.measured)**2
+
+    def excess(log_error: float) -> float:
+        return float(np.sum(
+            squares / (problem.variance + math.exp(2.0 * log_error) * problem.power))) - degrees
+
+    low, high = math.log(1e-12), math.log(1e3)
+    if excess(low) <= 0.0:
+        return 0.0
+    return math.exp(float(brentq(excess, low, high, xtol=1e-3)))
+
+
+def _starts(problem: RationalProblem) -> list[Sections]:
+    """Return starts, best first: linearised fits, and poles spread over the frequencies."""
+    shape, omega = problem.shape, problem.frequency
+    delays = [problem.delay]
+    if shape.fits_delay:
+        delays += [problem.delay + turn for turn in (0.25, 0.5, 1.0, 2.0, 4.0)]
+    hold = -np.expm1(-1j * omega * problem.sample_period) / (1j * omega * problem.sample_period)
+    starts = []
+    for delay in delays:
+        continuous = problem.measured / hold * np.exp(1j * omega * delay)
+        terms = np.asarray(
+            (1j * omega)[:, None]**np.arange(shape.numerator_order + 1), dtype=np.complex128)
+        # Weighted by the noise, and evenly: points of little noise may be few.
+        for weight in (problem.weight(0.0), 1.0 / np.abs(problem.measured)):
+            linear = start_from_response(shape, omega, continuous, weight)
+            starts.append(linear._replace(delay=delay))
+        for top in (1.0, 3.0):
+            count = shape.first_order + shape.second_order
+            corner = top * np.geomspace(0.2, 1.0, count)
+            spread = Sections(
+                np.log(corner[:shape.first_order]), np.log(corner[shape.first_order:]),
+                np.full(shape.second_order, math.log(0.3)), np.ones(1), 0.0)
+            starts.append(with_best_numerator(
+                spread, terms, omega, continuous, problem.weight(0.0))._replace(delay=delay))
+    squares = [
+        float(np.sum(problem.residual(start, 0.0)**2)) for start in starts]
+    order = np.argsort([value if math.isfinite(value) else math.inf for value in squares])
+    return [starts[i] for i in order[:_STARTS]]

@@ -1,0 +1,73 @@
+# Copyright 2026 piezo_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A Ctrl-C counts even where foreign code catches whatever is raised."""
+
+import os
+import signal
+
+import pytest
+
+from piezo_ros.interruption import remembering_interruption, was_interrupted
+
+
+@pytest.fixture
+def python_handler():
+    """Python's own handler: tests started in the background inherit that SIGINT is ignored."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+def _swallow_ctrl_c():
+    """Do as an import that catches everything."""
+    try:
+        os.kill(os.getpid(), signal.SIGINT)
+        for _ in range(1000):
+            pass  # the handler runs between two of these
+    except BaseException:
+        return
+    pytest.fail('no KeyboardInterrupt')
+
+
+def test_one_that_was_caught_by_others_is_remembered(python_handler):
+    before = signal.getsignal(signal.SIGINT)
+    with remembering_interruption() as interruption:
+        assert not interruption.came
+        _swallow_ctrl_c()
+        assert interruption.came
+        assert was_interrupted(signal.getsignal(signal.SIGINT))
+    assert signal.getsignal(signal.SIGINT) is before
+    assert not was_interrupted(before)
+
+
+def test_a_signal_that_is_ignored_stays_so():
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        with remembering_interruption() as interruption:
+            os.kill(os.getpid(), signal.SIGINT)
+            assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+        assert not interruption.came
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def test_a_supervisor_starts_no_run_after_one(python_handler, tmp_path):
+    pytest.importorskip('rclpy')
+    from piezo_ros.experiment.errors import CampaignError
+    from piezo_ros.nodes.graph import GraphRunner
+    with remembering_interruption():
+        _swallow_ctrl_c()
+        with GraphRunner(tmp_path) as runner, pytest.raises(CampaignError, match='by SIGINT'):
+            runner(None, tmp_path / 'bag')
