@@ -19,21 +19,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from piezo_ros.control import controller, pi_controller, trajectory
-from piezo_ros.model import hysteresis, packing, rig
-from piezo_ros.model.compiled import kernel
+from piezo_ros.control import controller, packing, trajectory
+from piezo_ros.model import hysteresis, rig
+from piezo_ros.model import packing as model_packing
+from piezo_ros.model.compiled import brief_kernel, kernel
 from piezo_ros.model.step import step
 
 __all__ = ['closed_loop', 'controller_array', 'creeping_closed_loop', 'trajectory_array']
 
 _controller_step = controller.controller_step
 _inverse_step = hysteresis.inverse_step
-_packed_creep = packing.packed_creep
+_packed_creep = model_packing.packed_creep
 _sample_step = rig.sample_step
 _trajectory_step = trajectory.trajectory_step
-_unpacked_controller = pi_controller.unpacked_controller
-_unpacked_inverse = packing.unpacked_inverse
-_unpacked_rig = packing.unpacked_rig
+_unpacked_controller = packing.unpacked_controller
+_unpacked_inverse = model_packing.unpacked_inverse
+_unpacked_rig = model_packing.unpacked_rig
 
 
 @kernel
@@ -46,7 +47,7 @@ def trajectory_array(
         reference_um[k], feedforward_um[k] = _trajectory_step(constants, start + k)
 
 
-@kernel
+@brief_kernel
 def controller_array(
     memory: NDArray[np.float64], start: int, reference_um: NDArray[np.float64],
     feedforward_um: NDArray[np.float64], displacement_um: NDArray[np.float64],

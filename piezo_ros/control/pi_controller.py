@@ -14,27 +14,29 @@
 
 """The controller with its state: reference, feedforward and readings in, commands out."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from piezo_ros.control.controller import (
-    ControllerConstants,
     ControllerParameters,
-    ControllerState,
     controller_constants,
     controller_step,
     initial_state,
     prepare_transfer,
     recall_measurement,
 )
+from piezo_ros.control.packing import (
+    CONSTANTS,
+    packed_controller,
+    unpacked_controller,
+    unpacked_state,
+)
 from piezo_ros.model.step import step
 
-__all__ = ['PiController', 'unpacked_controller']
-
-_CONSTANTS = len(ControllerConstants._fields)
-_MEMORY = 3
+__all__ = ['PiController']
 
 
 class PiController:
@@ -61,12 +63,17 @@ class PiController:
         self._state = initial_state(law)
         self._constants = controller_constants(law, sample_period_s)
         self.memory = np.empty(0)
+        self._kernel: Callable[..., None] | None = None
         if compiled:
-            self.memory = np.array(
-                [*self._constants, *self._state.memory, *self._state.measured_um],
-                dtype=np.float64)
-            at = _CONSTANTS + _MEMORY
-            self._state = ControllerState(self.memory[_CONSTANTS:at], self.memory[at:])
+            from piezo_ros.control.kernels import controller_array
+            self._kernel = controller_array
+            self.memory = packed_controller(self._state, self._constants)
+            self._state = unpacked_state(self.memory)
+
+    @property
+    def sample_step(self) -> Callable[..., float]:
+        """One sample in compiled code: memory, y_d and u_ff of shape (2, M), place in it, k, y[k]."""
+        return _sample
 
     def change(self, law: ControllerParameters, *, bumpless: bool) -> None:
         """
@@ -82,7 +89,7 @@ class PiController:
         """
         self._constants = controller_constants(law, self._sample_period_s)
         if self.is_compiled:
-            self.memory[:_CONSTANTS] = self._constants
+            self.memory[:CONSTANTS] = self._constants
         if bumpless:
             prepare_transfer(self._state)
 
@@ -115,10 +122,9 @@ class PiController:
             v[k] … v[k+N-1], micrometres.
 
         """
-        if self.is_compiled:
-            from piezo_ros.control.kernels import controller_array
+        if self._kernel:
             command_um = np.empty(reference_um.size)
-            controller_array(
+            self._kernel(
                 self.memory, index, reference_um, feedforward_um, displacement_um, command_um)
             return command_um
         state, constants = self._state, self._constants
@@ -130,9 +136,7 @@ class PiController:
 
 
 @step
-def unpacked_controller(memory: Any) -> tuple[ControllerState, ControllerConstants]:
-    """Return state and constants of a compiled controller as views of its memory."""
-    constants = ControllerConstants(
-        memory[0] > 0.0, memory[1] > 0.0, memory[2], memory[3], memory[4], memory[5],
-        int(memory[6]))
-    return ControllerState(memory[7:10], memory[10:]), constants
+def _sample(memory: Any, target_um: Any, at: int, k: int, displacement_um: float) -> float:
+    state, constants = unpacked_controller(memory)
+    return controller_step(
+        state, constants, k, target_um[0, at], target_um[1, at], displacement_um)

@@ -34,7 +34,7 @@ from numba.extending import register_jitable
 
 from piezo_ros.model.step import marked_steps
 
-__all__ = ['kernel']
+__all__ = ['brief_kernel', 'kernel']
 
 _Function = TypeVar('_Function', bound=Callable[..., Any])
 # Kernels allocate nothing; without the counting of references (nrt) they are four times faster.
@@ -47,7 +47,7 @@ _registered: set[Callable[..., Any]] = set()
 
 def kernel(function: _Function) -> _Function:
     """
-    Compile a function over float64 arrays that calls shared steps.
+    Compile a function over float64 arrays that calls shared steps; it lets other threads run.
 
     Parameters
     ----------
@@ -60,6 +60,20 @@ def kernel(function: _Function) -> _Function:
         The compiled function, cached on disk.
 
     """
+    return _compiled(function, nogil=True)
+
+
+def brief_kernel(function: _Function) -> _Function:
+    """
+    Do as `kernel` for calls of microseconds, which keep the interpreter's lock.
+
+    To give the lock up and to get it back costs more than such a call, and far more where another
+    thread takes it in between.
+    """
+    return _compiled(function, nogil=False)
+
+
+def _compiled(function: _Function, *, nogil: bool) -> _Function:
     for shared in marked_steps():
         if shared not in _registered:
             register_jitable(**_STEP_OPTIONS)(shared)
@@ -69,7 +83,7 @@ def kernel(function: _Function) -> _Function:
     before = settings.CACHE_DIR
     settings.CACHE_DIR = str(_cache_directory())
     try:
-        return cast('_Function', numba.njit(cache=True, nogil=True, **_OPTIONS)(function))
+        return cast('_Function', numba.njit(cache=True, nogil=nogil, **_OPTIONS)(function))
     finally:
         settings.CACHE_DIR = before
 

@@ -14,6 +14,9 @@
 
 """The inverse hysteresis model with its state: commands in, voltages out."""
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -23,7 +26,8 @@ from piezo_ros.model.hysteresis import (
     hysteresis_state,
     inverse_step,
 )
-from piezo_ros.model.packing import packed_inverse
+from piezo_ros.model.packing import packed_inverse, unpacked_inverse
+from piezo_ros.model.step import step
 
 __all__ = ['InverseHysteresis']
 
@@ -47,8 +51,16 @@ class InverseHysteresis:
         self._constants = hysteresis_constants(parameters)
         self._state = hysteresis_state([0.0] * len(self._constants.width_um))
         self.memory = np.empty(0)
+        self._kernel: Callable[..., None] | None = None
         if compiled:
+            from piezo_ros.model.kernels import inverse_packed_array
+            self._kernel = inverse_packed_array
             self.memory = packed_inverse(self._state, self._constants)
+
+    @property
+    def sample_step(self) -> Callable[..., float]:
+        """One sample in compiled code: memory, nothing beside it, k, v[k]."""
+        return _sample
 
     def answer(self, index: int, command_um: NDArray[np.float64]) -> NDArray[np.float64]:
         """
@@ -67,11 +79,16 @@ class InverseHysteresis:
             u[k] … u[k+N-1], volts.
 
         """
-        if self.is_compiled:
-            from piezo_ros.model.kernels import inverse_packed_array
+        if self._kernel:
             voltage_v = np.empty(command_um.size)
-            inverse_packed_array(self.memory, command_um, voltage_v)
+            self._kernel(self.memory, command_um, voltage_v)
             return voltage_v
         state, constants = self._state, self._constants
         return np.array([
             inverse_step(state, constants, command) for command in command_um.tolist()])
+
+
+@step
+def _sample(memory: Any, nothing: Any, at: int, k: int, command_um: float) -> float:
+    state, constants = unpacked_inverse(memory)
+    return inverse_step(state, constants, command_um)

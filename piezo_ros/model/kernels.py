@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from piezo_ros.model import hysteresis, packing, rig
-from piezo_ros.model.compiled import kernel
+from piezo_ros.model.compiled import brief_kernel, kernel
 
 __all__ = [
     'creeping_rig_array',
@@ -61,7 +61,7 @@ def inverse_array(
     _settle_step(state, constants)
 
 
-@kernel
+@brief_kernel
 def rig_array(
     memory: NDArray[np.float64], voltage_v: NDArray[np.float64], noise: NDArray[np.float64],
     displacement_um: NDArray[np.float64],
@@ -72,7 +72,7 @@ def rig_array(
         displacement_um[k] = _sample_step(state, constants, voltage_v[k], noise[k])
 
 
-@kernel
+@brief_kernel
 def creeping_rig_array(
     memory: NDArray[np.float64], voltage_v: NDArray[np.float64], noise: NDArray[np.float64],
     displacement_um: NDArray[np.float64],
@@ -83,7 +83,7 @@ def creeping_rig_array(
         displacement_um[k] = _sample_step(state, constants, voltage_v[k], noise[k])
 
 
-@kernel
+@brief_kernel
 def inverse_packed_array(
     memory: NDArray[np.float64], displacement_um: NDArray[np.float64],
     voltage_v: NDArray[np.float64],

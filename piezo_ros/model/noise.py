@@ -99,14 +99,19 @@ class NoiseSource:
             offset = index - self._start
         return self._values[offset]
 
+    def window(self, index: int) -> tuple[int, NDArray[np.float64]]:
+        """Return the noise of the chunk that has a sample, and the index of its first."""
+        first, values = self._window
+        if not first <= index < first + values.size:
+            number = index // _CHUNK
+            self._window = first, values = number * _CHUNK, self._chunk(number)
+        return first, values
+
     def block(self, start: int, count: int) -> NDArray[np.float64]:
         """Return the noise of consecutive samples, as `unit_noise` does."""
         parts = []
         while count > 0:
-            first, values = self._window
-            if not first <= start < first + values.size:
-                number = start // _CHUNK
-                self._window = first, values = number * _CHUNK, self._chunk(number)
+            first, values = self.window(start)
             parts.append(values[start - first:start - first + count])
             start, count = start + parts[-1].size, count - parts[-1].size
         return parts[0] if len(parts) == 1 else np.concatenate([np.empty(0), *parts])

@@ -18,11 +18,14 @@ The simulated rig: voltages in, readings of the sensor out.
 The voltage u[k] is held from t[k] to t[k+1], and y[k+1] is the reading at the end of that period.
 """
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from piezo_ros.model.noise import NoiseSource
-from piezo_ros.model.packing import packed_rig, unpacked_state
+from piezo_ros.model.packing import packed_creep, packed_rig, unpacked_rig, unpacked_state
 from piezo_ros.model.rig import (
     RigParameters,
     RigState,
@@ -31,6 +34,7 @@ from piezo_ros.model.rig import (
     rig_constants,
     sample_step,
 )
+from piezo_ros.model.step import step
 
 __all__ = ['Rig']
 
@@ -80,11 +84,24 @@ class Rig:
         self.is_compiled = compiled
         self.reset()
 
+    @property
+    def sample_step(self) -> Callable[..., float]:
+        """One sample in compiled code: memory, noise of shape (1, M), place in it, k, u[k]."""
+        return _creeping_sample if self.constants.creep else _sample
+
+    def noise_around(self, index: int) -> tuple[int, NDArray[np.float64]]:
+        """Return noise for `sample_step`, shape (1, M), and the k of its first sample."""
+        first, noise = self._noise.window(index + 1)
+        return first - 1, noise.reshape(1, -1)
+
     def reset(self) -> None:
         """Return to rest at the operating point, never driven, index 0."""
         self._state = initial_state(self.constants)
         self.memory = np.empty(0)
+        self._kernel: Callable[..., None] | None = None
         if self.is_compiled:
+            from piezo_ros.model import kernels
+            self._kernel = kernels.creeping_rig_array if self.constants.creep else kernels.rig_array
             self.memory = packed_rig(self._state, self.constants)
             self._state = unpacked_state(self.memory)
         self.index = 0
@@ -94,6 +111,11 @@ class Rig:
     def state(self) -> RigState:
         """Everything it remembers, as lists."""
         return RigState(*(list(map(float, values)) for values in self._state))
+
+    @property
+    def voltage_v(self) -> float:
+        """The voltage that drives the rig, behind rails and slew limit; a deviation."""
+        return float(self._state.drive_v[0])
 
     @property
     def saturated_samples(self) -> tuple[int, int]:
@@ -132,11 +154,9 @@ class Rig:
     def _hold(
         self, voltage_v: NDArray[np.float64], unit_noise: NDArray[np.float64],
     ) -> NDArray[np.float64]:
-        if self.is_compiled:
-            from piezo_ros.model.kernels import creeping_rig_array, rig_array
+        if self._kernel:
             readings_um = np.empty(voltage_v.size)
-            kernel = creeping_rig_array if self.constants.creep else rig_array
-            kernel(self.memory, voltage_v, unit_noise, readings_um)
+            self._kernel(self.memory, voltage_v, unit_noise, readings_um)
             return readings_um
         state, constants = self._state, self.constants
         return np.array([
@@ -195,3 +215,15 @@ class Rig:
             first = int(np.argmin(finite))
             raise ValueError(f'voltage_v[{first}] is {inputs[first]}, it must be finite')
         return self.answer(self.index, inputs)
+
+
+@step
+def _sample(memory: Any, noise: Any, at: int, k: int, voltage_v: float) -> float:
+    state, constants = unpacked_rig(memory, None)
+    return sample_step(state, constants, voltage_v, noise[0, at])
+
+
+@step
+def _creeping_sample(memory: Any, noise: Any, at: int, k: int, voltage_v: float) -> float:
+    state, constants = unpacked_rig(memory, packed_creep(memory))
+    return sample_step(state, constants, voltage_v, noise[0, at])

@@ -27,7 +27,14 @@ from numpy.typing import NDArray
 
 from piezo_ros.nodes.streams import StreamFault, StreamReader, StreamWriter
 
-__all__ = ['BURST_BLOCKS', 'MOST_JOINED', 'NAP_S', 'answer_waiting', 'publish_blocks']
+__all__ = [
+    'BURST_BLOCKS',
+    'MOST_JOINED',
+    'NAP_S',
+    'answer_taken',
+    'answer_waiting',
+    'publish_blocks',
+]
 
 # How long a node without a block sleeps: yielding alone takes time from the node that has one.
 NAP_S: Final = 0.0002
@@ -67,6 +74,13 @@ def answer_waiting(
     if sample is not None:
         writer.publish_one(float(answer(reader.next_index - 1, np.array([sample]))[0]))
         return 1
+    return answer_taken(reader, writer, answer)
+
+
+def answer_taken(
+    reader: StreamReader, writer: StreamWriter, answer: Callable[[int, _Samples], _Samples],
+) -> int:
+    """Do as `answer_waiting`, beginning with a message that was taken and not looked at."""
     if not reader.raw:
         return 0
     blocks, fault = _take_burst(reader)

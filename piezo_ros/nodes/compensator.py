@@ -15,14 +15,13 @@
 """The compensator: linearised command in, voltage out, through the inverse MRC model."""
 
 from piezo_ros.model import HysteresisParameters, InverseHysteresis
-from piezo_ros.nodes.bursts import answer_waiting
+from piezo_ros.nodes.answering import AnsweringNode
 from piezo_ros.nodes.parameters import read
-from piezo_ros.nodes.stage import Stage
 
 __all__ = ['Compensator']
 
 
-class Compensator(Stage):
+class Compensator(AnsweringNode):
     """Answers every block of ``command`` with a block of ``voltage``."""
 
     inputs = ('command',)
@@ -35,17 +34,11 @@ class Compensator(Stage):
         """Read the hysteresis to invert."""
         self._hysteresis = read(self, HysteresisParameters)
 
-    def start(self) -> None:
-        """Assume a virgin stage."""
+    def make_element(self) -> InverseHysteresis:
+        """Return the inverse of a virgin stage."""
         self._inverse = InverseHysteresis(self._hysteresis, compiled=self.settings.compiled)
-        self._command = self.readers['command']
-        self._voltage = self.writers['voltage']
+        return self._inverse
 
-    def poll(self) -> bool:
-        """Answer what waits."""
-        longest = answer_waiting(self._command, self._voltage, self._inverse.answer)
-        if longest:
-            self.in_blocks = longest > 1
-        if self._command.ended:
-            self.finish()
-        return longest > 0 or self._command.ended
+    def relayed(self) -> InverseHysteresis | None:
+        """Return the inverse if it is compiled."""
+        return self._inverse if self._inverse.is_compiled else None

@@ -15,7 +15,7 @@
 """The controller: reference, feedforward and displacement in, linearised command out."""
 
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
@@ -33,7 +33,13 @@ from piezo_ros.nodes.parameters import read
 from piezo_ros.nodes.stage import Stage
 from piezo_ros.nodes.streams import StreamFault, StreamReader
 
+if TYPE_CHECKING:
+    from piezo_ros.nodes.relay import Relay
+
 __all__ = ['Controller']
+
+_WORTH_RELAYING = 4  # samples; for fewer the relay costs more than it saves
+_MOST_RELAYED = 4096  # samples, whose targets are laid out for it at once
 
 class Controller(Stage):
     """
@@ -113,12 +119,17 @@ class Controller(Stage):
         self._command = self.writers['command']
         self._first = max(self.settings.start_index, 0)
         self._commands_ended = False
+        self._relay = self._make_relay() if self.settings.compiled else None
         # What must be done before the next sample can be; None for nothing.
         self._prepare: Callable[[], bool] | None = None
         if self.settings.start_index < 0:
             self._prepare = self._join
         self._use_law()
         self._demand.start(0, self._flow.lookahead_samples)
+
+    def _make_relay(self) -> 'Relay':
+        from piezo_ros.nodes.relay import Relay
+        return Relay(self, self._displacement, self._command, self._element, self._poll_taken)
 
     @property
     def _index(self) -> int:
@@ -133,11 +144,19 @@ class Controller(Stage):
 
     def poll(self) -> bool:
         """Send every command that can be computed now."""
+        return self._go_on(self._take_inputs)
+
+    def _poll_taken(self) -> bool:
+        """Go on with the displacement that the relay has taken and left."""
+        self._end_relay()
+        return self._go_on(self._take_left)
+
+    def _go_on(self, take_inputs: Callable[[], bool]) -> bool:
         if self._prepare is not None:
             if not self._prepare():
                 return self._check_end()
             self._prepare = None
-        progress = self._take_inputs()
+        progress = take_inputs()
         while count := self._count_ready():
             if self._index == self._schedule.change_at:
                 self._change()
@@ -147,7 +166,35 @@ class Controller(Stage):
             self._answer(count)
             progress = True
         self._demand.update(self._displacement.next_index)
-        return self._check_end() or progress
+        if self._check_end():
+            return True
+        if progress and self._relay:
+            self._begin_relay(self._relay)
+        return progress
+
+    def _begin_relay(self, relay: 'Relay') -> None:
+        """Let single displacements be answered in compiled code, as far as there are targets."""
+        displacement = self._displacement
+        if not self._closes_loop or displacement.held or displacement.queue:
+            return
+        if self._schedule.change_at == self._index:
+            return
+        targets = [reader.queue.waiting for reader in self._targets()]
+        count = min(self._count_targets(), _MOST_RELAYED)
+        if count < _WORTH_RELAYING:
+            return
+        beside = np.zeros((2, count))
+        for row, target_um in enumerate(targets):
+            beside[row] = target_um[:count]
+        relay.use(self._command.next_index, beside, self._first)
+        self.quick = relay.look
+
+    def _end_relay(self) -> None:
+        """Drop the targets that the relay has used."""
+        if self.quick != self.look:
+            self.quick = self.look
+            for reader in self._targets():
+                reader.drop_before(self._command.next_index)
 
     def begin_at(self, index: int) -> None:
         """Wait for the other streams: the run begins where all of them have begun."""
@@ -235,6 +282,13 @@ class Controller(Stage):
                     self._skip_feedforward()
         return progress
 
+    def _take_left(self) -> bool:
+        """Take the message that the relay has left, and more targets; return whether there were."""
+        samples = self._displacement.take_rest()
+        if samples is not None:
+            self._displacement.queue.extend(samples)
+        return self._take_inputs() or samples is not None
+
     def _targets(self) -> tuple[StreamReader, ...]:
         """Return the streams of the trajectory that the scheme needs."""
         return (
@@ -242,12 +296,17 @@ class Controller(Stage):
 
     def _count_ready(self) -> int:
         """Return of how many samples everything is there, under one law."""
-        count = min(len(reader.queue) for reader in self._targets())
+        count = self._count_targets()
         if self._closes_loop:
             count = min(count, len(self._displacement.queue))
+        return min(count, MOST_JOINED)
+
+    def _count_targets(self) -> int:
+        """Return of how many samples the targets are there, under one law."""
+        count = min(len(reader.queue) for reader in self._targets())
         if self._schedule.change_at > self._index:
             count = min(count, self._schedule.change_at - self._index)
-        return min(count, MOST_JOINED)
+        return count
 
     def _answer(self, count: int) -> None:
         """Send the commands of the next samples."""
@@ -325,6 +384,7 @@ class Controller(Stage):
 
     def _schedule_change(self, at_sample: int, values: Mapping[str, Any]) -> str:
         """Add a change between two samples; return why not, '' if it was added."""
+        self._end_relay()
         next_index = self._first + self._index
         if at_sample < 0:
             at_sample = next_index

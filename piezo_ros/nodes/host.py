@@ -343,8 +343,9 @@ def _turns(
         for stage in stages:
             # Stages end within a turn; and one that shall stop must not see its peers do so first.
             if stage.running and not stop.signal_number:
+                quick = stage.quick  # which is called faster than an attribute
                 try:
-                    if stage.look(looks):
+                    if quick(looks):
                         idle = False
                 except Exception as error:  # The run ends in order and the voltage at zero.
                     stage.break_off(error)

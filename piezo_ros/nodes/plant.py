@@ -29,13 +29,13 @@ from piezo_ros.experiment.node_parameters import (
     SafetyParameters,
 )
 from piezo_ros.model import Rig, RigParameters
-from piezo_ros.nodes.bursts import answer_waiting, publish_blocks
+from piezo_ros.nodes.answering import AnsweringNode
+from piezo_ros.nodes.bursts import publish_blocks
 from piezo_ros.nodes.demand import DemandWriter
 from piezo_ros.nodes.pace import Pace
 from piezo_ros.nodes.parameters import read
 from piezo_ros.nodes.running_time import RunningTime
 from piezo_ros.nodes.simulated_clock import SimulatedClock
-from piezo_ros.nodes.stage import Stage
 from piezo_ros.nodes.stream_node import ServiceRefusedError
 from piezo_ros.nodes.streams import StreamFault, StreamReader
 
@@ -45,22 +45,29 @@ _SETTLE_S = 0.02  # simulated time at zero after the last of the decaying triang
 _NAP_S = 0.005  # a paced plant sleeps so long at once, and then looks whether it shall stop
 
 
-class Plant(Stage):
+class Plant(AnsweringNode):
     """Answers u[k … k+N-1] with y[k+1 … k+N]; opens with y[0]."""
 
     inputs = ('voltage',)
     outputs = ('displacement',)
-    troubles = (*Stage.troubles, 'overruns', 'rail_samples', 'slew_samples')
+    troubles = (*AnsweringNode.troubles, 'overruns', 'rail_samples', 'slew_samples')
 
     def __init__(self, *, compiled: bool = False) -> None:
-        self._voltage_v = 0.0  # that the rig is driven with
         self._elapsed_s = 0.0
+        self._ramped_v: float | None = None  # how far the ramp at the end of a run has come
         self._simulated: Rig | None = None
         self._saturated_before = (0, 0)
         self._pace: Pace | None = None
         self._clock_writer: SimulatedClock | None = None
         super().__init__('plant', compiled=compiled)
         self.create_trigger('initialise', self.initialise)
+
+    @property
+    def _voltage_v(self) -> float:
+        """The voltage that the rig is driven with."""
+        if self._ramped_v is not None:
+            return self._ramped_v
+        return self._simulated.voltage_v if self._simulated else 0.0
 
     @property
     def _index(self) -> int:
@@ -85,17 +92,14 @@ class Plant(Stage):
     def start(self) -> None:
         """Put the rig to rest at its operating point and send its first reading."""
         period_s, start_index = self.settings.sample_period_s, self.settings.start_index
-        self._element = self._rig_for_a_run()
-        self._saturated_before = self._element.saturated_samples
-        self._voltage = self.readers['voltage']
-        self._displacement = self.writers['displacement']
-        self._voltage_v = 0.0
+        factor = self._timing.realtime_factor
+        self._pace = Pace(factor, period_s) if factor else None
+        super().start()
+        self._ramped_v = None
         self._received = -1
         self._silent: RunningTime | None = None  # since the newest voltage
         self._began_s = time.perf_counter()
         self._elapsed_s = 0.0
-        factor = self._timing.realtime_factor
-        self._pace = Pace(factor, period_s) if factor else None
         self._held: NDArray[np.float64] | None = None
         if start_index >= 0:
             self._open()
@@ -104,7 +108,7 @@ class Plant(Stage):
         if self._clock_writer:
             self._clock_writer.start(period_s)
 
-    def _rig_for_a_run(self) -> Rig:
+    def make_element(self) -> Rig:
         """Return the rig as it was left, if it shall be kept, else one that was never driven."""
         if not self._history.keep_state:
             self._simulated = None
@@ -112,7 +116,18 @@ class Plant(Stage):
         rig = self._present_rig()
         if rig is known:
             rig.drive(np.zeros(1))  # once driven, it rests at zero volts wherever that is
+        self._saturated_before = rig.saturated_samples
         return rig
+
+    def relayed(self) -> Rig | None:
+        """Return the rig, unless each answer needs more than its mathematics."""
+        return (
+            self._simulated if self.settings.compiled and not (self._pace or self._demand) else None)
+
+    def beside(self, index: int) -> tuple[int, NDArray[np.float64]]:
+        """Return the noise of the readings that answer the voltages from an index on."""
+        rig = self._simulated
+        return rig.noise_around(index) if rig else super().beside(index)
 
     def _present_rig(self) -> Rig:
         """Return the rig, a new one where its parameters have changed."""
@@ -130,38 +145,31 @@ class Plant(Stage):
 
     def _open(self) -> None:
         """Send the reading before the first voltage."""
-        self._element.index = self._displacement.next_index
-        self._displacement.publish_one(self._element.measure())
+        rig = self._present_rig()
+        rig.index = self.writer.next_index
+        self.writer.publish_one(rig.measure())
 
     def poll(self) -> bool:
-        """Answer one block."""
-        if self._pace is not None:
-            return self._poll_paced(self._pace)
-        longest = answer_waiting(self._voltage, self._displacement, self._answer)
-        if longest:
-            self.in_blocks = longest > 1
-        elif not self._voltage.ended:
-            return False
-        self._after_block()
-        return True
+        """Answer what waits, or one block when its time has come."""
+        return super().poll() if self._pace is None else self._poll_paced(self._pace)
 
-    def _answer(self, index: int, voltage_v: NDArray[np.float64]) -> NDArray[np.float64]:
-        if self._displacement.sent == 1:
+    def answer(self, index: int, samples: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the readings that voltages cause."""
+        if self.writer.sent == 1:
             self._began_s = time.perf_counter()
-        self._voltage_v = float(voltage_v[-1])
-        return self._element.answer(index, voltage_v)
+        return super().answer(index, samples)
 
-    def _after_block(self) -> None:
-        if self._voltage.ended:
+    def after_answer(self) -> None:
+        """Ask for more voltages, where no controller does."""
+        if self.reader.ended:
             self._elapsed_s = time.perf_counter() - self._began_s
-            self.finish()
         if self._demand:
             self._demand.update(self._index)
 
     def _poll_paced(self, pace: Pace) -> bool:
         """Answer one block when its time has come."""
         if self._held is None:
-            self._held = self._voltage.take_array()
+            self._held = self.reader.take_array()
             if self._held is None:
                 return False
             self._due_s = pace.due_s(self._index, len(self._held), time.monotonic())
@@ -173,21 +181,23 @@ class Plant(Stage):
                 return False
         samples, self._held = self._held, None
         if samples.size:
-            index = self._voltage.next_index - samples.size
-            publish_blocks(self._displacement, self._answer(index, samples), [samples.size])
-        self._after_block()
+            index = self.reader.next_index - samples.size
+            publish_blocks(self.writer, self.answer(index, samples), [samples.size])
+        self.after_answer()
+        if self.reader.ended:
+            self.finish()
         return True
 
     def watch(self, now_s: float) -> None:
         """End the run when the voltage stays away; a killed peer leaves discovery only later."""
-        if self._voltage.received != self._received or self._held is not None:
-            self._received = self._voltage.received
+        if self.reader.received != self._received or self._held is not None:
+            self._received = self.reader.received
             if self._received:
                 self._silent = RunningTime()
         elif self._silent is not None and self._silent.elapsed_s() > self._safety.watchdog_s:
             raise StreamFault(
                 f'no voltage for {self._safety.watchdog_s:g} s after sample '
-                f'{self._voltage.next_index - 1}')
+                f'{self.reader.next_index - 1}')
 
     def has_waiting(self, reader: StreamReader) -> bool:
         """Return whether a paced plant has not come to what was sent yet."""
@@ -201,12 +211,11 @@ class Plant(Stage):
     def quiesce(self) -> None:
         """Ramp the voltage to zero deviation at the safe slew."""
         step_v = self._safety.safe_slew_v_per_s * self.settings.sample_period_s
-        while self._voltage_v != 0.0:
-            if abs(self._voltage_v) <= step_v:
-                self._voltage_v = 0.0
-            else:
-                self._voltage_v -= math.copysign(step_v, self._voltage_v)
-            self._element.drive(np.array([self._voltage_v]))
+        self._ramped_v = voltage_v = self._voltage_v
+        while voltage_v != 0.0 and self._simulated:
+            voltage_v -= math.copysign(min(step_v, abs(voltage_v)), voltage_v)
+            self._simulated.drive(np.array([voltage_v]))
+            self._ramped_v = voltage_v
         if self._clock_writer:
             self._clock_writer.stop()
         if self._demand:

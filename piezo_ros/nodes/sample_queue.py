@@ -77,6 +77,11 @@ class SampleQueue:
         first, self._first = self._first, min(self._first + count, self._end)
         return self._samples[first:self._first]
 
+    @property
+    def waiting(self) -> NDArray[np.float64]:
+        """The samples that wait, shape (N,); they go on waiting."""
+        return self._samples[self._first:self._end]
+
     def drop(self, count: int) -> None:
         """Throw the oldest samples away, at most those that wait."""
         self._first = min(self._first + count, self._end)

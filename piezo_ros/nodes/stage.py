@@ -112,6 +112,8 @@ class Stage(StreamNode):
         self.result = ''  # how the newest run ended
         self.reason = ''
         self.by_peer = False  # the newest run ended because that of a peer had
+        # What the stream loop calls: `look`, or a quicker way that does the same.
+        self.quick: Callable[[int], bool] = self.look
         self.readers: dict[str, StreamReader] = {}
         self.writers: dict[str, StreamWriter] = {}
         self._status = self.create_publisher(String, 'status', LATCHED)
@@ -278,6 +280,7 @@ class Stage(StreamNode):
             writer.start(max(start_index, 0), period_s)
         self.over, self.reason, self.result, self.by_peer = False, '', '', False
         self.run_number += 1
+        self.quick = self.look
         with self._interruptible():
             self.start()
         self._monitor.start()

@@ -281,6 +281,10 @@ class StreamReader:
         """Number of samples of this run."""
         return self.next_index - self._first
 
+    def example(self) -> bytes:
+        """Return a message of one sample as the run that has begun expects it."""
+        return self._codec.encode(0, self._period_s or 0.0, [0.0])
+
     def discard_rest(self) -> None:
         """Throw away what comes of a run that is over here, and not at its writer."""
         self._interrupt()
