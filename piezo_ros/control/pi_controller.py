@@ -72,7 +72,7 @@ class PiController:
 
     @property
     def sample_step(self) -> Callable[..., float]:
-        """One sample in compiled code: memory, y_d and u_ff of shape (2, M), place in it, k, y[k]."""
+        """One sample in compiled code: memory, y_d and u_ff (2, M), place in them, k, y[k]."""
         return _sample
 
     def change(self, law: ControllerParameters, *, bumpless: bool) -> None:

@@ -58,11 +58,12 @@ class AnsweringNode(Stage):
         self.reader: StreamReader = self.readers[self.inputs[0]]
         self.writer: StreamWriter = self.writers[self.outputs[0]]
         self._element = self.make_element()
-        self._relay: Relay | None = None
         element = self.relayed()
-        if element:
-            from piezo_ros.nodes.relay import Relay
-            self._relay = Relay(self, self.reader, self.writer, element, self._poll_taken)
+        self._relay = self._make_relay(element) if element else None
+
+    def _make_relay(self, element: 'RelayedElement') -> 'Relay':
+        from piezo_ros.nodes.relay import Relay
+        return Relay(self, self.reader, self.writer, element, self._poll_taken)
 
     def poll(self) -> bool:
         """Answer what waits."""

@@ -121,8 +121,8 @@ class Plant(AnsweringNode):
 
     def relayed(self) -> Rig | None:
         """Return the rig, unless each answer needs more than its mathematics."""
-        return (
-            self._simulated if self.settings.compiled and not (self._pace or self._demand) else None)
+        is_bare = not (self._pace or self._demand)
+        return self._simulated if self.settings.compiled and is_bare else None
 
     def beside(self, index: int) -> tuple[int, NDArray[np.float64]]:
         """Return the noise of the readings that answer the voltages from an index on."""
