@@ -81,7 +81,7 @@ def unpacked_state(memory: Any) -> RigState:
     """Return the state of a rig as views of its memory."""
     elements, first_order, second_order = int(memory[0]), int(memory[1]), int(memory[2])
     relaxations = int(memory[3])
-    amplifier_at = 7
+    amplifier_at = 8
     hysteresis_at = amplifier_at + first_order
     mechanics_at = hysteresis_at + state_size(elements)
     displacement_at = mechanics_at + second_order
@@ -101,7 +101,7 @@ def unpacked_rig(
 ) -> tuple[RigState, RigConstants]:
     """Return state and constants of a rig as views of its memory."""
     elements, first_order, second_order = int(memory[0]), int(memory[1]), int(memory[2])
-    at = 14 + first_order + state_size(elements) + second_order + int(memory[3])
+    at = 15 + first_order + state_size(elements) + second_order + int(memory[3])
     state = unpacked_state(memory)
     dac = _converter_at(memory, at)
     slew_step_v = memory[at + 4]

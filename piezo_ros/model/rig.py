@@ -174,7 +174,8 @@ class RigConstants(NamedTuple):
 class RigState(NamedTuple):
     """Everything the rig remembers; lists in a node, arrays in a kernel."""
 
-    drive_v: Vector  # (3,) voltage behind the slew limit; samples so far beyond a rail, slewing
+    # (4,) voltage behind the slew limit; samples so far beyond a rail; slewing; voltage asked for
+    drive_v: Vector
     amplifier: Vector  # (n,)
     hysteresis: Vector  # (n + 7,) plays, and the line that holds
     mechanics: Vector  # (n,)
@@ -236,7 +237,7 @@ def initial_state(constants: RigConstants, vector: Callable[[list[float]], Any] 
 
     """
     return RigState(
-        drive_v=vector([0.0, 0.0, 0.0]),
+        drive_v=vector([0.0, 0.0, 0.0, 0.0]),
         amplifier=vector([0.0] * len(constants.amplifier.b)),
         hysteresis=vector(hysteresis_state([0.0] * len(constants.hysteresis.width_um))),
         mechanics=vector([0.0] * len(constants.mechanics.b)),
@@ -268,6 +269,7 @@ def rig_step(state: RigState, constants: RigConstants, voltage_v: float) -> floa
         drive_v = state.drive_v[0] - constants.slew_step_v
         state.drive_v[2] += 1.0
     state.drive_v[0] = drive_v
+    state.drive_v[3] = voltage_v
     if constants.lumped:
         free_um = forward_step(state.hysteresis, constants.hysteresis, drive_v)
         free_um = creep_step(state.relaxed_um, constants.creep, free_um)

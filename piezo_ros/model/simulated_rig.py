@@ -113,8 +113,13 @@ class Rig:
         return RigState(*(list(map(float, values)) for values in self._state))
 
     @property
-    def voltage_v(self) -> float:
-        """The voltage that drives the rig, behind rails and slew limit; a deviation."""
+    def commanded_v(self) -> float:
+        """The newest voltage that was asked for, a deviation from the operating point."""
+        return float(self._state.drive_v[3])
+
+    @property
+    def driven_v(self) -> float:
+        """What drives the rig: that voltage behind the rails and the slew limit."""
         return float(self._state.drive_v[0])
 
     @property

@@ -54,7 +54,6 @@ class Plant(AnsweringNode):
 
     def __init__(self, *, compiled: bool = False) -> None:
         self._elapsed_s = 0.0
-        self._ramped_v: float | None = None  # how far the ramp at the end of a run has come
         self._simulated: Rig | None = None
         self._saturated_before = (0, 0)
         self._pace: Pace | None = None
@@ -64,10 +63,8 @@ class Plant(AnsweringNode):
 
     @property
     def _voltage_v(self) -> float:
-        """The voltage that the rig is driven with."""
-        if self._ramped_v is not None:
-            return self._ramped_v
-        return self._simulated.voltage_v if self._simulated else 0.0
+        """The voltage that the rig is asked to hold."""
+        return self._simulated.commanded_v if self._simulated else 0.0
 
     @property
     def _index(self) -> int:
@@ -95,7 +92,6 @@ class Plant(AnsweringNode):
         factor = self._timing.realtime_factor
         self._pace = Pace(factor, period_s) if factor else None
         super().start()
-        self._ramped_v = None
         self._received = -1
         self._silent: RunningTime | None = None  # since the newest voltage
         self._began_s = time.perf_counter()
@@ -211,11 +207,12 @@ class Plant(AnsweringNode):
     def quiesce(self) -> None:
         """Ramp the voltage to zero deviation at the safe slew."""
         step_v = self._safety.safe_slew_v_per_s * self.settings.sample_period_s
-        self._ramped_v = voltage_v = self._voltage_v
-        while voltage_v != 0.0 and self._simulated:
+        rig = self._simulated
+        # What was asked for may lie far beyond the rails.
+        voltage_v = rig.driven_v if rig else 0.0
+        while rig and rig.commanded_v != 0.0:
             voltage_v -= math.copysign(min(step_v, abs(voltage_v)), voltage_v)
-            self._simulated.drive(np.array([voltage_v]))
-            self._ramped_v = voltage_v
+            rig.drive(np.array([voltage_v]))
         if self._clock_writer:
             self._clock_writer.stop()
         if self._demand:
