@@ -15,6 +15,7 @@
 """Waveforms, feedforward, the PI controller with its schemes, and the loop closed offline."""
 
 from piezo_ros.control.closed_loop import BareRun, ClosedLoopRun, simulate, simulate_bare
+from piezo_ros.control.control_law import ControlLaw
 from piezo_ros.control.controller import SCHEMES, ControllerParameters
 from piezo_ros.control.trajectory import TrajectoryParameters
 from piezo_ros.control.waveform import WAVEFORMS
@@ -24,6 +25,7 @@ __all__ = [
     'WAVEFORMS',
     'BareRun',
     'ClosedLoopRun',
+    'ControlLaw',
     'ControllerParameters',
     'TrajectoryParameters',
     'simulate',

@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from piezo_ros.control.control_law import ControlLaw
 from piezo_ros.control.controller import (
     ControllerParameters,
     controller_constants,
@@ -39,13 +40,13 @@ from piezo_ros.model.step import step
 __all__ = ['PiController']
 
 
-class PiController:
+class PiController(ControlLaw):
     """
     The PI controller under any of its schemes, at rest.
 
     Parameters
     ----------
-    law : ControllerParameters
+    parameters : ControllerParameters
         Gains and scheme; what it remembers has the size that these give it.
     sample_period_s : float
         Sample period, seconds.
@@ -56,12 +57,12 @@ class PiController:
     """
 
     def __init__(
-        self, law: ControllerParameters, sample_period_s: float, *, compiled: bool = True,
+        self, parameters: ControllerParameters, sample_period_s: float, *, compiled: bool = True,
     ) -> None:
+        super().__init__(parameters, sample_period_s)
         self.is_compiled = compiled
-        self._sample_period_s = sample_period_s
-        self._state = initial_state(law)
-        self._constants = controller_constants(law, sample_period_s)
+        self._state = initial_state(parameters)
+        self._constants = controller_constants(parameters, sample_period_s)
         self.memory = np.empty(0)
         self._kernel: Callable[..., None] | None = None
         if compiled:
@@ -75,19 +76,10 @@ class PiController:
         """One sample in compiled code: memory, y_d and u_ff (2, M), place in them, k, y[k]."""
         return _sample
 
-    def change(self, law: ControllerParameters, *, bumpless: bool) -> None:
-        """
-        Take over another law from the next sample on.
-
-        Parameters
-        ----------
-        law : ControllerParameters
-            Gains and scheme.
-        bumpless : bool
-            Whether the next command shall go on from the last one, as far as the scheme can.
-
-        """
-        self._constants = controller_constants(law, self._sample_period_s)
+    def change(self, parameters: ControllerParameters, *, bumpless: bool) -> None:
+        """Take over other gains or another scheme, see `ControlLaw.change`."""
+        super().change(parameters, bumpless=bumpless)
+        self._constants = controller_constants(parameters, self.sample_period_s)
         if self.is_compiled:
             self.memory[:CONSTANTS] = self._constants
         if bumpless:
@@ -106,22 +98,7 @@ class PiController:
         self, index: int, reference_um: NDArray[np.float64], feedforward_um: NDArray[np.float64],
         displacement_um: NDArray[np.float64],
     ) -> NDArray[np.float64]:
-        """
-        Return the commands of consecutive samples.
-
-        Parameters
-        ----------
-        index : int
-            k of the first sample, from the first one of the run on.
-        reference_um, feedforward_um, displacement_um : ndarray of float64, shape (N,)
-            y_d, u_ff and y of the samples k … k+N-1. What the scheme does not use may be zeros.
-
-        Returns
-        -------
-        ndarray of float64, shape (N,)
-            v[k] … v[k+N-1], micrometres.
-
-        """
+        """Return the commands of consecutive samples, see `ControlLaw.answer`."""
         if self._kernel:
             command_um = np.empty(reference_um.size)
             self._kernel(

@@ -23,6 +23,7 @@ from rclpy.parameter import Parameter
 
 from piezo_ros.control.changes import CHANGEABLE, ChangeParameters, parse_changes
 from piezo_ros.control.controller import AUTO, ControllerParameters
+from piezo_ros.control.control_law import ControlLaw, check_command
 from piezo_ros.control.pi_controller import PiController
 from piezo_ros.experiment.node_parameters import DemandParameters
 from piezo_ros.model.parameters import ParameterError
@@ -53,7 +54,10 @@ class Controller(Stage):
     inputs = ('reference', 'feedforward', 'displacement')
     outputs = ('command',)
 
-    def __init__(self, *, compiled: bool = False) -> None:
+    def __init__(
+        self, *, compiled: bool = False, control_law: type[ControlLaw] | None = None,
+    ) -> None:
+        self._own_law = control_law
         self._chosen_scheme = ''
         self._schedule = LawSchedule(ControllerParameters(), ())
         self._first = 0
@@ -111,15 +115,14 @@ class Controller(Stage):
     def start(self) -> None:
         """Forget everything and ask for the first samples."""
         self._schedule = LawSchedule(self._law, self._listed_changes)
-        self._element = PiController(
-            self._law, self.settings.sample_period_s, compiled=self.settings.compiled)
+        self._element = self._make_element()
         self._reference = self.readers['reference']
         self._feedforward = self.readers['feedforward']
         self._displacement = self.readers['displacement']
         self._command = self.writers['command']
         self._first = max(self.settings.start_index, 0)
         self._commands_ended = False
-        self._relay = self._make_relay() if self.settings.compiled else None
+        self._relay = self._make_relay()
         # What must be done before the next sample can be; None for nothing.
         self._prepare: Callable[[], bool] | None = None
         if self.settings.start_index < 0:
@@ -127,9 +130,19 @@ class Controller(Stage):
         self._use_law()
         self._demand.start(0, self._flow.lookahead_samples)
 
-    def _make_relay(self) -> 'Relay':
+    def _make_element(self) -> ControlLaw:
+        """Return the control law in its initial state."""
+        if self._own_law:
+            return self._own_law(self._law, self.settings.sample_period_s)
+        return PiController(
+            self._law, self.settings.sample_period_s, compiled=self.settings.compiled)
+
+    def _make_relay(self) -> 'Relay | None':
+        element = self._element
+        if not isinstance(element, PiController) or not element.is_compiled:
+            return None
         from piezo_ros.nodes.relay import Relay
-        return Relay(self, self._displacement, self._command, self._element, self._poll_taken)
+        return Relay(self, self._displacement, self._command, element, self._poll_taken)
 
     @property
     def _index(self) -> int:
@@ -312,10 +325,13 @@ class Controller(Stage):
         """Send the commands of the next samples."""
         reference_um = self._reference.queue.pull(count)
         nothing = np.zeros(count)
-        self._command.publish(self._element.answer(
+        command_um = self._element.answer(
             self._index, reference_um,
             self._feedforward.queue.pull(count) if self._feeds_forward else nothing,
-            self._displacement.queue.pull(count) if self._closes_loop else nothing))
+            self._displacement.queue.pull(count) if self._closes_loop else nothing)
+        if self._own_law:
+            check_command(self._own_law, self._index, command_um, count)
+        self._command.publish(command_um)
 
     def _take_displacement(self) -> bool:
         """Take what has come of the displacement; only the newest samples are of interest."""

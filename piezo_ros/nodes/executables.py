@@ -18,8 +18,12 @@ import ctypes
 import os
 import signal
 import sys
+from typing import TYPE_CHECKING
 
 from piezo_ros.matrix_threads import use_one_thread
+
+if TYPE_CHECKING:
+    from piezo_ros.control import ControlLaw
 
 __all__ = [
     'PARENT_VARIABLE',
@@ -28,6 +32,7 @@ __all__ = [
     'loop',
     'plant',
     'recorder',
+    'run_controller',
     'stamped',
     'trajectory',
 ]
@@ -40,7 +45,25 @@ _PR_SET_PDEATHSIG = 1
 _LOOP = ('compensator', 'controller', 'plant', 'trajectory')
 
 
-def _run(*names: str) -> int:
+def run_controller(control_law: 'type[ControlLaw]') -> int:
+    """
+    Run the controller node with a control law of your own.
+
+    Parameters
+    ----------
+    control_law : type
+        Subclass of `piezo_ros.control.ControlLaw`.
+
+    Returns
+    -------
+    int
+        Exit code, for an entry point.
+
+    """
+    return _run('controller', control_law=control_law)
+
+
+def _run(*names: str, control_law: 'type[ControlLaw] | None' = None) -> int:
     # Until the host takes over, a signal simply ends the process, without a traceback.
     signal.signal(signal.SIGINT, _end_start)
     signal.signal(signal.SIGTERM, _end_start)
@@ -57,8 +80,9 @@ def _run(*names: str) -> int:
 
     classes = [
         getattr(import_module(f'piezo_ros.nodes.{name}'), name.capitalize()) for name in names]
-    # Several stages in one process share the time that the compiler's import takes.
-    code = host(lambda: [stage(compiled=len(classes) > 1) for stage in classes])
+    own = {'control_law': control_law} if control_law else {}
+    # Several nodes in one process share the time that the compiler's import takes.
+    code = host(lambda: [node(compiled=len(classes) > 1, **own) for node in classes])
     # While Python shuts down, a signal would kill it, and its exit code would be lost.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
