@@ -100,10 +100,11 @@ def check_command(
 
     """
     name = f'{law.__name__}.answer'
-    if not isinstance(command_um, np.ndarray) or command_um.shape != (count,):
+    is_array = isinstance(command_um, np.ndarray)
+    if not is_array or command_um.shape != (count,):
+        returned = f'an array of shape {command_um.shape}' if is_array else repr(command_um)
         raise ValueError(
-            f'{name} returned {command_um!r} at sample {index}, it must be an array of the shape '
-            f'{(count,)}')
+            f'{name} returned {returned} at sample {index}, it must be an array of shape {(count,)}')
     finite = np.isfinite(command_um)
     if not finite.all():
         first = int(np.argmin(finite))

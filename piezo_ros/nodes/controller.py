@@ -22,8 +22,8 @@ from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
 
 from piezo_ros.control.changes import CHANGEABLE, ChangeParameters, parse_changes
-from piezo_ros.control.controller import AUTO, ControllerParameters
 from piezo_ros.control.control_law import ControlLaw, check_command
+from piezo_ros.control.controller import AUTO, ControllerParameters
 from piezo_ros.control.pi_controller import PiController
 from piezo_ros.experiment.node_parameters import DemandParameters
 from piezo_ros.model.parameters import ParameterError

@@ -17,7 +17,7 @@
 import numpy as np
 import pytest
 
-from piezo_ros.control import ControllerParameters, ControlLaw
+from piezo_ros.control import ControlLaw, ControllerParameters
 from piezo_ros.control.control_law import check_command
 from piezo_ros.control.pi_controller import PiController
 
