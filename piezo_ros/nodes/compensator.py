@@ -21,12 +21,12 @@ from numpy.typing import NDArray
 
 from piezo_ros.model.hysteresis import HysteresisParameters
 from piezo_ros.model.stepping import compensator_stepper, packed_memory
-from piezo_ros.nodes.bursts import answer_burst
-from piezo_ros.nodes.parameters import read
-from piezo_ros.nodes.stage import Stage
+from piezo_ros.runtime.node.parameters import read
+from piezo_ros.runtime.node.stage import Stage
+from piezo_ros.runtime.streams.bursts import answer_burst
 
 if TYPE_CHECKING:
-    from piezo_ros.nodes.relay import Relay
+    from piezo_ros.runtime.streams.relay import Relay
 
 __all__ = ['Compensator']
 
@@ -54,7 +54,7 @@ class Compensator(Stage):
 
     def _make_relay(self) -> 'Relay':
         from piezo_ros.bag.relay_kernels import relay_inverse
-        from piezo_ros.nodes.relay import Relay
+        from piezo_ros.runtime.streams.relay import Relay
         relay = Relay(self, self._command, self._voltage, relay_inverse, self._poll_other)
         relay.bind(packed_memory(self._inverse))
         return relay

@@ -35,15 +35,15 @@ from piezo_ros.control.controller import (
 from piezo_ros.control.stepping import PackedController
 from piezo_ros.experiment.node_parameters import DemandParameters
 from piezo_ros.model.parameters import ParameterError
-from piezo_ros.nodes.bursts import BURST_BLOCKS, BlockBuffer, publish_blocks
 from piezo_ros.nodes.demand import DemandWriter
 from piezo_ros.nodes.law_schedule import NEVER, LawSchedule
-from piezo_ros.nodes.parameters import read
-from piezo_ros.nodes.stage import Stage
-from piezo_ros.nodes.streams import StreamFault, StreamReader
+from piezo_ros.runtime.node.parameters import read
+from piezo_ros.runtime.node.stage import Stage
+from piezo_ros.runtime.streams.bursts import BURST_BLOCKS, BlockBuffer, publish_blocks
+from piezo_ros.runtime.streams.endpoints import StreamFault, StreamReader
 
 if TYPE_CHECKING:
-    from piezo_ros.nodes.relay import Relay
+    from piezo_ros.runtime.streams.relay import Relay
 
 __all__ = ['Controller']
 
@@ -145,7 +145,7 @@ class Controller(Stage):
 
     def _make_relay(self) -> 'Relay':
         from piezo_ros.bag.relay_kernels import relay_controller
-        from piezo_ros.nodes.relay import Relay
+        from piezo_ros.runtime.streams.relay import Relay
         relay = Relay(self, self._displacement, self._command, relay_controller, self._poll_other)
         self._bind(relay, np.empty(0), np.empty(0))  # loaded before the first sample
         return relay

@@ -31,18 +31,18 @@ from piezo_ros.experiment.node_parameters import (
 from piezo_ros.model.noise import NoiseSource
 from piezo_ros.model.rig import RigParameters, measure_step, rig_constants
 from piezo_ros.model.stepping import packed_memory, rig_stepper, saturated_samples
-from piezo_ros.nodes.bursts import answer_burst, publish_blocks
 from piezo_ros.nodes.demand import DemandWriter
 from piezo_ros.nodes.pace import Pace
-from piezo_ros.nodes.parameters import read
-from piezo_ros.nodes.running_time import RunningTime
 from piezo_ros.nodes.simulated_clock import SimulatedClock
-from piezo_ros.nodes.stage import Stage
-from piezo_ros.nodes.stream_node import ServiceRefusedError
-from piezo_ros.nodes.streams import StreamFault, StreamReader
+from piezo_ros.runtime.node.parameters import read
+from piezo_ros.runtime.node.stage import Stage
+from piezo_ros.runtime.node.stream_node import ServiceRefusedError
+from piezo_ros.runtime.process.running_time import RunningTime
+from piezo_ros.runtime.streams.bursts import answer_burst, publish_blocks
+from piezo_ros.runtime.streams.endpoints import StreamFault, StreamReader
 
 if TYPE_CHECKING:
-    from piezo_ros.nodes.relay import Relay
+    from piezo_ros.runtime.streams.relay import Relay
 
 __all__ = ['Plant']
 
@@ -137,7 +137,7 @@ class Plant(Stage):
 
     def _make_relay(self) -> 'Relay':
         from piezo_ros.bag.relay_kernels import relay_rig
-        from piezo_ros.nodes.relay import Relay
+        from piezo_ros.runtime.streams.relay import Relay
         relay = Relay(self, self._voltage, self._displacement, relay_rig, self._poll_other)
         self._bind(relay)  # what must be compiled or loaded is so before the first sample
         return relay
