@@ -19,7 +19,7 @@ COVERAGE := NUMBA_JIT_COVERAGE=0
 # Before Python 3.12 a test of Python steps takes more than twice the time when it is measured.
 MEASURE = $(shell $(BIN)/python -c 'import sys; print("--cov" * (sys.version_info >= (3, 12)))')
 # It interrupts a process after 50 ms; one that is measured is still importing coverage then.
-NOT_MEASURED := test/nodes/test_stop.py::test_ctrl_c_at_any_moment_of_the_start_leaves_nothing_behind[0.05]
+NOT_MEASURED := test/live/test_stop.py::test_ctrl_c_at_any_moment_of_the_start_leaves_nothing_behind[0.05]
 
 # A second call finds the stamp and is instant; another ROS has another stamp.
 ROS := $(or $(DISTRO),default)-$(or $(ROS_DISTRO),wheels)

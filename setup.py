@@ -107,7 +107,7 @@ setup(
     include_package_data=False,
     package_data={
         PACKAGE: ['py.typed'],
-        f'{PACKAGE}.nodes': ['*.xml'],
+        f'{PACKAGE}.runtime.process': ['*.xml'],
         f'{PACKAGE}.report.page': ['templates/*'],
     },
     data_files=data_files,

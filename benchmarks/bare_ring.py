@@ -31,10 +31,10 @@ import rclpy
 from std_msgs.msg import Float64MultiArray
 
 from piezo_ros.bag import BlockCodec
-from piezo_ros.nodes.bursts import NAP_S
-from piezo_ros.nodes.leaving import exit_after
-from piezo_ros.nodes.middleware import set_middleware_defaults
-from piezo_ros.nodes.qos import STREAM
+from piezo_ros.runtime.process.leaving import exit_after
+from piezo_ros.runtime.process.middleware import set_middleware_defaults
+from piezo_ros.runtime.streams.bursts import NAP_S
+from piezo_ros.runtime.streams.qos import STREAM
 
 __all__ = ['HOPS', 'main']
 

@@ -25,8 +25,8 @@ from typing import Final
 from benchmarks import bare_ring, other_rings
 from piezo_ros.experiment.errors import CampaignError
 from piezo_ros.experiment.plan import PlannedRun
-from piezo_ros.nodes.graph import GraphRunner
-from piezo_ros.nodes.middleware import set_middleware_defaults
+from piezo_ros.live.graph import GraphRunner
+from piezo_ros.runtime.process.middleware import set_middleware_defaults
 
 __all__ = ['graph_rate', 'other_ring_rate', 'ring_rate']
 

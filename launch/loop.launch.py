@@ -16,7 +16,7 @@
 
 from pathlib import Path
 
-from piezo_ros.nodes.launching import describe
+from piezo_ros.live.launching import describe
 
 
 def generate_launch_description():

@@ -32,7 +32,11 @@ settings.register_profile('patient', deadline=None, suppress_health_check=[Healt
 settings.load_profile('patient')
 
 WITHOUT_ROS = importlib.util.find_spec('rclpy') is None
-collect_ignore = ['nodes', 'cli/test_run_live.py'] if WITHOUT_ROS else []
+collect_ignore = [
+    'contract', 'live', 'nodes', 'runtime', 'cli/test_run_live.py'] if WITHOUT_ROS else []
+
+# In test/support: the fixtures of tests that start processes.
+pytest_plugins = ['processes']
 
 
 def pytest_report_header():

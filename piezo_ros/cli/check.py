@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any, Final
 from piezo_ros.experiment.errors import PlanError
 
 if TYPE_CHECKING:
-    from piezo_ros.nodes.contract import Finding
+    from piezo_ros.contract.topics import Finding
 
 __all__ = ['add_command']
 
@@ -86,8 +86,8 @@ def _check(options: argparse.Namespace) -> int:
 
 def _check_node(options: argparse.Namespace) -> int:
     try:
-        from piezo_ros.nodes.contract import CheckSettings
-        from piezo_ros.nodes.contract_session import check_command, check_running
+        from piezo_ros.contract.session import check_command, check_running
+        from piezo_ros.contract.topics import CheckSettings
     except ImportError as error:
         print(f'piezo check {options.what} needs ROS 2 ({error})', file=sys.stderr)
         return 1

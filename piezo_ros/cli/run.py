@@ -73,8 +73,8 @@ def _add_common(parser: argparse.ArgumentParser) -> None:
 def _run_live(options: argparse.Namespace) -> int:
     def campaign(plan: Plan) -> int:
         try:
-            from piezo_ros.nodes.graph import GraphRunner
-            from piezo_ros.nodes.kept_graph import KeptGraph
+            from piezo_ros.live.graph import GraphRunner
+            from piezo_ros.live.kept_graph import KeptGraph
         except ImportError as error:
             print(
                 f'piezo run needs ROS 2 ({error}); piezo simulate does without it',

@@ -104,7 +104,7 @@ def check_command(
     if not is_array or command_um.shape != (count,):
         returned = f'an array of shape {command_um.shape}' if is_array else repr(command_um)
         raise ValueError(
-            f'{name} returned {returned} at sample {index}, it must be an array of shape ({count},)')
+            f'{name} returned {returned} at sample {index}, it must be one of shape ({count},)')
     finite = np.isfinite(command_um)
     if not finite.all():
         first = int(np.argmin(finite))

@@ -15,8 +15,8 @@
 """The compensator: linearised command in, voltage out, through the inverse MRC model."""
 
 from piezo_ros.model import HysteresisParameters, InverseHysteresis
-from piezo_ros.nodes.answering import AnsweringNode
-from piezo_ros.nodes.parameters import read
+from piezo_ros.runtime.node.answering import AnsweringNode
+from piezo_ros.runtime.node.parameters import read
 
 __all__ = ['Compensator']
 

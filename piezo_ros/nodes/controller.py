@@ -27,15 +27,15 @@ from piezo_ros.control.controller import AUTO, ControllerParameters
 from piezo_ros.control.pi_controller import PiController
 from piezo_ros.experiment.node_parameters import DemandParameters
 from piezo_ros.model.parameters import ParameterError
-from piezo_ros.nodes.bursts import BURST_BLOCKS, MOST_JOINED
 from piezo_ros.nodes.demand import DemandWriter
 from piezo_ros.nodes.law_schedule import LawSchedule
-from piezo_ros.nodes.parameters import read
-from piezo_ros.nodes.stage import Stage
-from piezo_ros.nodes.streams import StreamFault, StreamReader
+from piezo_ros.runtime.node.parameters import read
+from piezo_ros.runtime.node.stage import Stage
+from piezo_ros.runtime.streams.bursts import BURST_BLOCKS, MOST_JOINED
+from piezo_ros.runtime.streams.endpoints import StreamFault, StreamReader
 
 if TYPE_CHECKING:
-    from piezo_ros.nodes.relay import Relay
+    from piezo_ros.runtime.node.relay import Relay
 
 __all__ = ['Controller']
 
@@ -141,7 +141,7 @@ class Controller(Stage):
         element = self._element
         if not isinstance(element, PiController) or not element.is_compiled:
             return None
-        from piezo_ros.nodes.relay import Relay
+        from piezo_ros.runtime.node.relay import Relay
         return Relay(self, self._displacement, self._command, element, self._poll_taken)
 
     @property

@@ -22,12 +22,12 @@ from typing import TYPE_CHECKING
 
 from std_msgs.msg import UInt64
 
-from piezo_ros.nodes.qos import LATCHED
-from piezo_ros.nodes.running_time import RunningTime
-from piezo_ros.nodes.streams import StreamFault
+from piezo_ros.runtime.process.running_time import RunningTime
+from piezo_ros.runtime.streams.endpoints import StreamFault
+from piezo_ros.runtime.streams.qos import LATCHED
 
 if TYPE_CHECKING:
-    from piezo_ros.nodes.stage import Stage
+    from piezo_ros.runtime.node.stage import Stage
 
 __all__ = ['NO_MORE', 'DemandReader', 'DemandWriter']
 

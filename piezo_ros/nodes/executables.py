@@ -21,12 +21,12 @@ import sys
 from typing import TYPE_CHECKING
 
 from piezo_ros.matrix_threads import use_one_thread
+from piezo_ros.runtime.process.parent import PARENT_VARIABLE
 
 if TYPE_CHECKING:
     from piezo_ros.control import ControlLaw
 
 __all__ = [
-    'PARENT_VARIABLE',
     'compensator',
     'controller',
     'loop',
@@ -37,8 +37,6 @@ __all__ = [
     'trajectory',
 ]
 
-# Process that started this one and that it shall not outlive.
-PARENT_VARIABLE = 'PIEZO_ROS_PARENT'
 _PR_SET_PDEATHSIG = 1
 
 # Readers come up before writers: recorder, compensator, controller, plant, trajectory.
@@ -76,7 +74,7 @@ def _run(*names: str, control_law: 'type[ControlLaw] | None' = None) -> int:
     if code is not None:
         return code
 
-    from piezo_ros.nodes.host import host
+    from piezo_ros.runtime.host import host
 
     classes = [
         getattr(import_module(f'piezo_ros.nodes.{name}'), name.capitalize()) for name in names]

@@ -23,8 +23,8 @@ from typing import TYPE_CHECKING, Any
 from rclpy.parameter import parameter_value_to_python
 from rclpy.parameter_client import AsyncParameterClient
 
-from piezo_ros.nodes.guard import guarded
-from piezo_ros.nodes.parameters import plain
+from piezo_ros.runtime.node.guard import guarded
+from piezo_ros.runtime.node.parameters import plain
 
 if TYPE_CHECKING:
     from piezo_ros.nodes.recorder import Recorder

@@ -29,15 +29,15 @@ from piezo_ros.experiment.node_parameters import (
     SafetyParameters,
 )
 from piezo_ros.model import Rig, RigParameters
-from piezo_ros.nodes.answering import AnsweringNode
-from piezo_ros.nodes.bursts import publish_blocks
 from piezo_ros.nodes.demand import DemandWriter
 from piezo_ros.nodes.pace import Pace
-from piezo_ros.nodes.parameters import read
-from piezo_ros.nodes.running_time import RunningTime
 from piezo_ros.nodes.simulated_clock import SimulatedClock
-from piezo_ros.nodes.stream_node import ServiceRefusedError
-from piezo_ros.nodes.streams import StreamFault, StreamReader
+from piezo_ros.runtime.node.answering import AnsweringNode
+from piezo_ros.runtime.node.parameters import read
+from piezo_ros.runtime.node.stream_node import ServiceRefusedError
+from piezo_ros.runtime.process.running_time import RunningTime
+from piezo_ros.runtime.streams.bursts import publish_blocks
+from piezo_ros.runtime.streams.endpoints import StreamFault, StreamReader
 
 __all__ = ['Plant']
 

@@ -27,12 +27,12 @@ from piezo_ros.experiment.parameter_file import read_parameter_file
 from piezo_ros.experiment.provenance import parameters_yaml, run_metadata
 from piezo_ros.experiment.roles import parameters_by_role
 from piezo_ros.model.parameters import ParameterError
-from piezo_ros.nodes.parameters import read
 from piezo_ros.nodes.peer_parameters import PeerParameters
-from piezo_ros.nodes.running_time import RunningTime
-from piezo_ros.nodes.stage import Stage
-from piezo_ros.nodes.stream_copy import copy_topic
-from piezo_ros.nodes.streams import StreamFault
+from piezo_ros.runtime.node.parameters import read
+from piezo_ros.runtime.node.stage import Stage
+from piezo_ros.runtime.process.running_time import RunningTime
+from piezo_ros.runtime.streams.endpoints import StreamFault
+from piezo_ros.runtime.streams.stream_copy import copy_topic
 
 __all__ = ['Recorder']
 

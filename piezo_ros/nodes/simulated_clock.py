@@ -18,13 +18,13 @@ from typing import TYPE_CHECKING
 
 from rosgraph_msgs.msg import Clock
 
-from piezo_ros.nodes.qos import CLOCK
-from piezo_ros.nodes.steady_timer import SteadyTimer
+from piezo_ros.runtime.node.steady_timer import SteadyTimer
+from piezo_ros.runtime.streams.qos import CLOCK
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from piezo_ros.nodes.stage import Stage
+    from piezo_ros.runtime.node.stage import Stage
 
 __all__ = ['SimulatedClock']
 

@@ -36,14 +36,14 @@ from std_msgs.msg import Float64MultiArray
 
 from piezo_ros.bag import STREAMS
 from piezo_ros.experiment.node_parameters import StampedParameters
-from piezo_ros.nodes.distribution import make_events_executor, name_of_distribution
-from piezo_ros.nodes.guard import explain, guard_services
-from piezo_ros.nodes.leaving import exit_after
-from piezo_ros.nodes.middleware import set_middleware_defaults
-from piezo_ros.nodes.observation import newest_topic
-from piezo_ros.nodes.parameters import declare, read
-from piezo_ros.nodes.qos import NEWEST, overridable
-from piezo_ros.nodes.steady_timer import SteadyTimer
+from piezo_ros.runtime.node.guard import explain, guard_services
+from piezo_ros.runtime.node.observation import newest_topic
+from piezo_ros.runtime.node.parameters import declare, read
+from piezo_ros.runtime.node.steady_timer import SteadyTimer
+from piezo_ros.runtime.process.distribution import make_events_executor, name_of_distribution
+from piezo_ros.runtime.process.leaving import exit_after
+from piezo_ros.runtime.process.middleware import set_middleware_defaults
+from piezo_ros.runtime.streams.qos import NEWEST, overridable
 from piezo_ros.streams import MalformedBlockError, block_from_message_fields
 
 __all__ = ['Sample', 'Stamped', 'joint_state_fields', 'main', 'newest_sample', 'time_of']

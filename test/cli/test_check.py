@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""`piezo check` of plans; that of nodes is in test/nodes/foreign/test_contract.py."""
+"""`piezo check` of plans; that of nodes is in test/contract/test_contract.py."""
 
 import pytest
 

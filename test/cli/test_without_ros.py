@@ -38,8 +38,9 @@ sys.meta_path.insert(0, NoRos())
 """
 IMPORT_EVERYTHING = """\
 import piezo_ros
+WITH_ROS = tuple(f'piezo_ros.{room}.' for room in ('contract', 'live', 'nodes', 'runtime'))
 for module in pkgutil.walk_packages(piezo_ros.__path__, 'piezo_ros.'):
-    if module.name.startswith('piezo_ros.nodes.') or module.name.endswith('__main__'):
+    if module.name.startswith(WITH_ROS) or module.name.endswith('__main__'):
         continue
     importlib.import_module(module.name)
     print(module.name)

@@ -1,0 +1,187 @@
+# Copyright 2026 piezo_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Checks of a node that runs already, and of a command that starts one: afresh for every fault."""
+
+import os
+import signal
+import subprocess
+import tempfile
+from collections.abc import Callable, Sequence
+from types import TracebackType
+from typing import Final
+
+from piezo_ros.contract.probe import Probe, wait_for
+from piezo_ros.contract.run import FAULTS, SILENCE, ContractRun
+from piezo_ros.contract.topics import CONTRACTS, CheckSettings, Finding
+
+__all__ = ['StartedNode', 'check_command', 'check_running', 'compared']
+
+_GRACE_S: Final = 10.0  # for a node that was asked to end
+_LAST_LINES: Final = 3
+_NOT_THERE: Final = 'nothing to compare: '
+
+
+def check_running(stage: str, namespace: str, settings: CheckSettings) -> list[Finding]:
+    """
+    Check a node that runs, in one run that comes to its end.
+
+    Parameters
+    ----------
+    stage : str
+        plant, compensator or controller.
+    namespace : str
+        Namespace of the node.
+    settings : CheckSettings
+        How to check.
+
+    """
+    probe = Probe(namespace, CONTRACTS[stage].output)
+    try:
+        run = ContractRun(stage, probe, settings)
+        run.ordinary(disturbed=True)
+        return run.findings
+    finally:
+        probe.close()
+
+
+def check_command(
+    stage: str, command: Sequence[str], settings: CheckSettings,
+    progress: Callable[[str], None] = lambda what: None,
+) -> list[Finding]:
+    """
+    Check the node that a command starts: an ordinary run, and one for every fault.
+
+    Parameters
+    ----------
+    stage : str
+        plant, compensator or controller.
+    command : sequence of str
+        The command; ``--ros-args -r __ns:=…`` is appended, a namespace of its own for every start.
+    settings : CheckSettings
+        How to check.
+    progress : callable
+        Is told what is checked next.
+
+    """
+    progress('an ordinary run with blocks that must be refused')
+    with StartedNode(stage, command, settings) as started:
+        disturbed = started.run.ordinary(disturbed=True)
+    findings = started.run.findings
+    if not any(finding.what == 'end of the stream passed on' for finding in findings):
+        return findings  # It has not come through one run: the others would say the same.
+    undisturbed = []
+    for number in (1, 2):
+        progress(f'undisturbed run {number} of 2')
+        with StartedNode(stage, command, settings) as started:
+            undisturbed.append(started.run.ordinary(disturbed=False))
+    findings.append(compared(disturbed, undisturbed))
+    for what, break_it in FAULTS.items():
+        if what == SILENCE and stage != 'plant':
+            continue
+        progress(what)
+        with StartedNode(stage, command, settings) as started:
+            started.run.broken(what, break_it)
+        findings += started.run.findings
+    progress('SIGINT')
+    findings += _interrupted(stage, command, settings)
+    return findings
+
+
+def compared(disturbed: list[float], undisturbed: list[list[float]]) -> Finding:
+    """Return whether a run with refused blocks gave what two runs without them gave."""
+    what = 'state left alone by what was refused'
+    first, second = undisturbed
+    if not first or first != second:
+        return Finding(what, None, f'{_NOT_THERE}two undisturbed runs differ')
+    if len(disturbed) != len(first):
+        return Finding(what, None, f'{_NOT_THERE}the runs have {len(disturbed)} and {len(first)} '
+                       'samples')
+    for index, (sample, expected) in enumerate(zip(disturbed, first, strict=True)):
+        if sample != expected:
+            return Finding(
+                what, False, f'sample {index} is {sample!r}, without refused blocks {expected!r}')
+    return Finding(what, True, f'{len(first)} samples are the same')
+
+
+def _interrupted(stage: str, command: Sequence[str], settings: CheckSettings) -> list[Finding]:
+    with StartedNode(stage, command, settings) as started:
+        started.run.broken('SIGINT ends the run', lambda _: started.send(signal.SIGINT))
+        ended = wait_for(lambda: not started.runs(), _GRACE_S)
+    return [*started.run.findings, Finding(
+        'SIGINT ends the process', ended, '' if ended else
+        f'it is still there {_GRACE_S:g} s later')]
+
+
+class StartedNode:
+    """A process of the node under check and its peer, in a namespace of their own."""
+
+    _count = 0
+
+    def __init__(self, stage: str, command: Sequence[str], settings: CheckSettings) -> None:
+        StartedNode._count += 1
+        self._namespace = f'/piezo_check_{os.getpid()}/run_{StartedNode._count}'
+        self._command = [*command, '--ros-args', '-r', f'__ns:={self._namespace}']
+        self._stage = stage
+        self._settings = settings
+
+    def __enter__(self) -> 'StartedNode':
+        """Start both."""
+        # The command and what it says; gone with the file.
+        self._output = tempfile.TemporaryFile()
+        # In a session of its own: a Ctrl-C reaches it through this process. A shell lets what it
+        # starts behind its back ignore SIGINT, and that would be inherited.
+        self._process = subprocess.Popen(
+            self._command, stdin=subprocess.DEVNULL, stdout=self._output,
+            stderr=subprocess.STDOUT, start_new_session=True,
+            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL))
+        try:
+            self._probe = Probe(self._namespace, CONTRACTS[self._stage].output)
+        except BaseException:
+            self._end()
+            raise
+        self.run = ContractRun(self._stage, self._probe, self._settings, self._how_it_ended)
+        return self
+
+    def __exit__(
+        self, exception_type: type[BaseException] | None, exception: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """End both."""
+        self._probe.close()
+        self._end()
+
+    def _end(self) -> None:
+        for number, grace_s in ((signal.SIGINT, _GRACE_S), (signal.SIGKILL, _GRACE_S)):
+            self.send(number)
+            if wait_for(lambda: not self.runs(), grace_s):
+                break
+        self._output.close()
+
+    def runs(self) -> bool:
+        """Return whether the process is there."""
+        return self._process.poll() is None
+
+    def send(self, number: int) -> None:
+        """Send a signal to the process and what it has started, as a terminal does."""
+        if self.runs():
+            os.killpg(self._process.pid, number)
+
+    def _how_it_ended(self) -> str:
+        if self.runs():
+            return ''
+        self._output.seek(0)
+        lines = self._output.read().decode(errors='replace').strip().splitlines()
+        said = ' / '.join(lines[-_LAST_LINES:]) or 'nothing'
+        return f'the command ended with exit code {self._process.returncode}; it wrote: {said}'

@@ -1,0 +1,246 @@
+# Copyright 2026 piezo_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Starts the node graph of one run as processes, watches it, and ends it whatever happens.
+
+Every process is told the process that started it and ends with it, so that nothing is left behind
+even when this process is killed.
+"""
+
+import json
+import signal
+import time
+from collections.abc import Callable, Collection
+from pathlib import Path
+from typing import Any, Final
+
+import yaml
+from std_msgs.msg import String
+
+from piezo_ros.experiment.campaign import RunResult
+from piezo_ros.experiment.errors import CampaignError
+from piezo_ros.experiment.plan import PlannedRun
+from piezo_ros.live.process_group import POLL_S, ProcessGroup
+from piezo_ros.live.rescue import rescue
+from piezo_ros.live.run_parameters import run_parameters
+from piezo_ros.live.supervisor import Supervisor, stopped_by
+from piezo_ros.runtime.process.running_time import RunningTime
+
+__all__ = ['GraphRunner']
+
+# How long a run must be for compiled steps to make up for the compiler's start: without feedback a
+# second's work of Python steps; with it, what the loop waits for the plant, which has the longest
+# step, and for all of them.
+_WORTH_COMPILING_BLOCKS: Final = 200_000
+_WORTH_COMPILING_PLANT: Final = 30_000
+_WORTH_COMPILING_LOOP: Final = 40_000
+_LAST_STATUS_S: Final = 5.0  # how long to wait for it once all is recorded
+
+
+class GraphRunner(Supervisor):
+    """
+    Does runs of a plan on live nodes.
+
+    Parameters
+    ----------
+    directory : Path
+        Output directory; logs/ and parameters/ go below it.
+    namespace : str
+        Namespace of the nodes; of its own for every process by default.
+    composed : bool
+        One process for the four stages in place of four.
+    record : bool
+        Whether a recorder writes the bag.
+    progress : callable
+        Is told the share of the run that is done, 0 … 1.
+
+    """
+
+    def __init__(
+        self, directory: Path, *, namespace: str = '', composed: bool = False, record: bool = True,
+        progress: Callable[[float], None] = lambda share: None,
+    ) -> None:
+        super().__init__(directory, namespace)
+        self._composed = composed
+        self._record = record
+        self._progress = progress
+
+    def __call__(self, planned: PlannedRun, bag: Path) -> RunResult:
+        """
+        Do one run.
+
+        Parameters
+        ----------
+        planned : PlannedRun
+            The run.
+        bag : Path
+            Bag directory; must not exist.
+
+        Returns
+        -------
+        RunResult
+            Wall-clock time while samples flowed.
+
+        Raises
+        ------
+        CampaignError
+            If a node failed or died, or the run was stopped from outside; what was recorded is in
+            the bag.
+
+        """
+        if self._stop_signal:
+            raise CampaignError(stopped_by(self._stop_signal))
+        logs = self._directory / 'logs' / planned.name
+        logs.mkdir(parents=True)
+        run = _LiveRun(planned)
+        self._take_statuses()  # what is left of the run before
+        run.statuses.clear()
+        arguments = self._parameter_files(planned, bag)
+        stages = ['loop'] if self._composed and not planned.bare else planned.stages
+        names = [*(['recorder'] if self._record else []), *stages]
+        try:
+            for name in names:
+                run.processes.start(name, arguments, logs / f'{name}.log')
+            while not (run.over() or run.processes.dead() or self._stop_signal):
+                self._follow(run)
+                time.sleep(POLL_S)
+            self._follow(run)
+            run.stop()
+            self._follow(run)
+        finally:
+            run.processes.kill()
+        return self._result(run, bag, logs)
+
+    def _parameter_files(self, planned: PlannedRun, bag: Path) -> list[str]:
+        """Write the parameter file of the run and return the arguments that load it."""
+        path = self._directory / 'parameters' / f'{planned.name}.yaml'
+        sections = run_parameters(
+            planned, bag, record=self._record, autostart=True,
+            compiled=planned.stages if self._composed else _worth_compiling(planned), file=path)
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(yaml.safe_dump({
+            f'{self._namespace}/{node}': {'ros__parameters': dict(values)}
+            for node, values in sections.items()}), encoding='utf-8')
+        return ['--ros-args', '-r', f'__ns:={self._namespace}', '--params-file', str(path)]
+
+    def _take_statuses(self) -> list[dict[str, Any]]:
+        statuses = []
+        while (taken := self._subscription.handle.take_message(String, False)) is not None:
+            statuses.append(json.loads(taken[0].data))
+        return statuses
+
+    def _follow(self, run: '_LiveRun') -> None:
+        for status in self._take_statuses():
+            run.statuses[status['node']] = status
+        plant, total = run.statuses.get('plant', {}), run.planned.trajectory.samples
+        self._progress(min(1.0, plant.get('index', 0) / total))
+
+    def _result(self, run: '_LiveRun', bag: Path, logs: Path) -> RunResult:
+        notes: list[str] = []
+        notes += rescue(bag)
+        problems = run.problems(stopped=bool(self._stop_signal))
+        if self._stop_signal:
+            problems.insert(0, stopped_by(self._stop_signal))
+        if problems:
+            voltage_v = run.statuses.get('plant', {}).get('voltage_v')
+            if voltage_v is not None:
+                problems.append(f'the voltage deviation is {voltage_v:g} V')
+            problems.append(f'logs: {logs}')
+            raise CampaignError('; '.join([*problems, *notes]))
+        return RunResult(run.wall_seconds, tuple(notes))
+
+
+def _worth_compiling(planned: PlannedRun) -> Collection[str]:
+    """Return the nodes, each a process, for which compiled steps make up for their start."""
+    samples = planned.trajectory.samples
+    if planned.bare or not planned.controller.uses_feedback:
+        return planned.stages if samples > _WORTH_COMPILING_BLOCKS else ()
+    if samples > _WORTH_COMPILING_LOOP:
+        return planned.stages
+    return ('plant',) if samples > _WORTH_COMPILING_PLANT else ()
+
+
+class _LiveRun:
+    """The processes of one run and what they said."""
+
+    def __init__(self, planned: PlannedRun) -> None:
+        self.planned = planned
+        self.statuses: dict[str, dict[str, Any]] = {}
+        self.processes = ProcessGroup()
+        self._recorded: RunningTime | None = None  # since all is recorded
+        self._stopped_early: dict[str, str] = {}
+        self._faults_before_stop: list[str] = []
+
+    def over(self) -> bool:
+        """Return whether every stream has ended and is recorded."""
+        recorded = 'recorder' in self.processes
+        if recorded and self.processes.runs('recorder'):
+            return False
+        states = [self.statuses.get(stage, {}).get('state') for stage in self.planned.stages]
+        if all(state in ('finished', 'faulted', 'stopped') for state in states):
+            return True
+        if not recorded:
+            return False
+        # The last statuses may be on their way, or their writers not discovered yet.
+        self._recorded = self._recorded or RunningTime()
+        return self._recorded.elapsed_s() > _LAST_STATUS_S
+
+    @property
+    def wall_seconds(self) -> float:
+        """Wall-clock time from the first voltage to the last."""
+        return float(self.statuses.get('plant', {}).get('elapsed_s', 0.0))
+
+    def stop(self) -> None:
+        """End every process, remembering which runs were over before and why."""
+        self._faults_before_stop = self._faults()
+        self._stopped_early = {
+            name: status['reason'] for name, status in self.statuses.items()
+            # A node that has made others stop says why.
+            if status['state'] == 'stopped' and not status['by_peer']}
+        self.processes.stop()
+
+    def problems(self, *, stopped: bool) -> list[str]:
+        """Return what went wrong, the first failure only; the others follow from it."""
+        self.processes.dead()
+        # Told to end one after the other, some see their peers go before they are told themselves.
+        faults = self._faults_before_stop if stopped else self._faults()
+        for name, code in self.processes.blamed.items():
+            if code < 0:
+                return [f'{name} was killed by {signal.Signals(-code).name}']
+        # They were told to end from outside; that others had to fail then may be seen before.
+        for stage, reason in self._stopped_early.items():
+            name = stage if stage in self.processes else 'loop'
+            return [f'{name} was stopped: {reason}', *faults]
+        for name in self.processes.blamed:
+            # A process that is told to end before its run is over fails, as it should.
+            if not stopped or faults:
+                reason = self.statuses.get(name, {}).get('reason', '')
+                return [f'{name} failed' + (f': {reason}' if reason else ''), *faults]
+        return [] if stopped else self._cut_short()
+
+    def _cut_short(self) -> list[str]:
+        """Return what shows that the run is not whole although no node says why."""
+        for status in self.statuses.values():
+            if status['state'] == 'stopped':
+                return [f'{status["node"]} was stopped: {status["reason"]}']
+        plant, samples = self.statuses.get('plant', {}), self.planned.trajectory.samples
+        if plant and plant['index'] < samples:
+            return [f'the run ended after {plant["index"]} of {samples} samples']
+        return []
+
+    def _faults(self) -> list[str]:
+        return [
+            f'{status["node"]}: {status["reason"]}' for status in self.statuses.values()
+            if status['state'] == 'faulted']

@@ -1,0 +1,172 @@
+# Copyright 2026 piezo_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""`piezo check` of plants that break the contract, each in one way: the way is named."""
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from piezo_ros.contract.run import FAULTS, SILENCE
+from piezo_ros.contract.session import StartedNode, check_command, compared
+from piezo_ros.contract.topics import CONTRACTS, CheckSettings
+
+FOLDER = Path(__file__).parent
+EXAMPLE = Path(__file__).parents[2] / 'docs' / 'examples' / 'gain_plant.py'
+SETTINGS = CheckSettings(
+    amplitude=0.1, sample_period_s=None, discovery_s=60.0, patience_s=10.0, watchdog_s=10.0)
+# Where something is waited for in vain; less on a busy machine could only find more wrong.
+IMPATIENT = SETTINGS._replace(patience_s=2.0, watchdog_s=1.0)
+
+
+def started(way, settings):
+    return StartedNode(
+        'plant', [sys.executable, str(FOLDER / 'wrong_plant.py'), way], settings)
+
+
+def wrong(findings):
+    return {finding.what: finding.detail for finding in findings if finding.right is False}
+
+
+@pytest.mark.parametrize(('way', 'what', 'detail'), [
+    ('OpensWithTwo', 'y[0] alone before any voltage', '2 samples arrived from index 0'),
+    ('AnswersWithTheSameIndex', 'indices without gaps', 'index 0 where 1 is due'),
+    ('ForgetsTheOffset', 'layout of every block', 'layout.dim has 0 entries'),
+    ('TakesAnything', 'refusal of a sample that is no number', 'samples of'),
+    ('ChangesThePeriod', 'sample period', 'it changed: 1e-05, 2e-05 s'),
+    ('EndsAtTheWrongIndex', 'end of the stream passed on', 'it must be the count of samples'),
+    ('StaysWhereItIs', 'voltage at zero at the end', 'says voltage_v 0.25 after the end'),
+    ('BestEffort', 'quality of service', 'is best effort: samples may be lost'),
+    ('DiesOnNonsense', 'refusal of another label', 'the command ended with exit code 1'),
+])
+def test_what_is_wrong_in_an_ordinary_run_is_named(way, what, detail):
+    settings = IMPATIENT if way == 'StaysWhereItIs' else SETTINGS
+    with started(way, settings) as node:
+        node.run.ordinary(disturbed=True)
+    assert detail in wrong(node.run.findings)[what]
+
+
+@pytest.mark.parametrize(('way', 'what', 'detail'), [
+    pytest.param(
+        'NeverOpens', 'y[0] alone before any voltage', 'nothing arrived on',
+        marks=pytest.mark.slow),
+    ('NeverEnds', 'end of the stream passed on', 'no N = 0 on'),
+    ('SaysNothingOfItself', 'status', 'nothing arrived on'),
+])
+def test_what_is_missing_in_an_ordinary_run_is_named(way, what, detail):
+    discovery_s = 4.0 if way == 'NeverOpens' else SETTINGS.discovery_s
+    with started(way, IMPATIENT._replace(discovery_s=discovery_s)) as node:
+        node.run.ordinary(disturbed=False)
+    assert detail in wrong(node.run.findings)[what]
+
+
+@pytest.mark.parametrize(('way', 'fault'), [
+    ('JumpsOverGaps', 'a gap ends the run'),
+    pytest.param('WatchesNobody', 'a second writer ends the run', marks=pytest.mark.slow),
+    pytest.param('WatchesNobody', 'a lost writer ends the run', marks=pytest.mark.slow),
+    pytest.param('WatchesNobody', SILENCE, marks=pytest.mark.slow),
+])
+def test_a_run_that_should_have_ended_is_named(way, fault):
+    with started(way, IMPATIENT) as node:
+        node.run.broken(fault, FAULTS[fault])
+    assert 'has not ended within' in wrong(node.run.findings)[fault]
+    if way == 'WatchesNobody':
+        # Nobody can know of the voltage, as long as it goes on.
+        assert f'{fault}: voltage at zero' in wrong(node.run.findings)
+
+
+@pytest.mark.parametrize(('way', 'what', 'detail'), [
+    ('NeverDemands', 'demand ahead of what is consumed', '/demand has no writer'),
+    ('DemandsOnceAndForAll', 'demand ahead of what is consumed', 'must be transient_local'),
+    ('AnswersTwice', 'v[k] as soon as y_d[k], u_ff[k] and y[k] are there', '2 samples of'),
+    ('WaitsForTheNextMeasurement', 'v[k] as soon as y_d[k], u_ff[k] and y[k] are there',
+     '0 samples of'),
+])
+def test_what_is_wrong_with_a_controller_is_named(way, what, detail):
+    command = [sys.executable, str(FOLDER / 'wrong_controller.py'), way]
+    settings = SETTINGS._replace(sample_period_s=1e-5)
+    if way == 'WaitsForTheNextMeasurement':
+        settings = settings._replace(patience_s=2.0)
+    with StartedNode('controller', command, settings) as node:
+        node.run.ordinary(disturbed=False)
+    assert detail in wrong(node.run.findings)[what]
+
+
+def test_a_state_that_refused_blocks_have_changed_is_named():
+    findings = []
+    for disturbed in (True, False, False):
+        with started('RemembersWhatItRefuses', SETTINGS) as node:
+            findings.append(node.run.ordinary(disturbed=disturbed))
+        assert not wrong(node.run.findings)
+    finding = compared(findings[0], findings[1:])
+    assert finding.right is False
+    assert 'without refused blocks' in finding.detail
+
+
+@pytest.mark.slow  # The tutorial of the same plant is run by every test.
+def test_the_plant_of_the_documentation_is_right_in_everything():
+    findings = check_command('plant', [sys.executable, str(EXAMPLE)], SETTINGS)
+    assert all(finding.right for finding in findings), findings
+    assert {*FAULTS, 'SIGINT ends the process', 'state left alone by what was refused'} <= {
+        finding.what for finding in findings}
+
+
+OWN = {stage: [sys.executable, '-m', 'piezo_ros.nodes.executables', stage] for stage in CONTRACTS}
+
+
+@pytest.mark.parametrize('stage', CONTRACTS)
+def test_our_own_nodes_are_right_in_an_ordinary_run(stage):
+    settings = SETTINGS._replace(sample_period_s=1e-5)
+    with StartedNode(stage, OWN[stage], settings) as node:
+        node.run.ordinary(disturbed=True)
+    assert all(finding.right for finding in node.run.findings), node.run.findings
+    assert any(finding.what == 'end of the stream passed on' for finding in node.run.findings)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('stage', CONTRACTS)
+def test_our_own_nodes_are_right_in_everything(stage):
+    findings = check_command(stage, OWN[stage], SETTINGS._replace(sample_period_s=1e-5))
+    assert all(finding.right for finding in findings), findings
+
+
+def test_a_node_that_has_writers_already_is_told_to_run_alone(rig, peer):
+    peer.writer('voltage')
+    rig.node('plant', required_readers=0)
+    peer.wait_for_status('plant', state='active')
+    command = rig.piezo('check', 'plant', '--namespace', rig.namespace)
+    assert command.wait() == 1
+    assert f'{rig.namespace}/voltage has a writer already, {rig.namespace}/foreign' in (
+        command.output)
+
+
+def test_the_command_checks_a_node_that_runs(rig):
+    rig.node('plant', handshake_timeout_s=60.0)
+    command = rig.piezo('check', 'plant', '--namespace', rig.namespace, '--discovery-s', '60')
+    assert command.wait() == 0, command.output
+    assert 'ok       voltage at zero at the end' in command.output
+    assert '27 checks, 0 wrong' in command.output
+
+
+def test_nobody_there_is_told_and_fails(rig):
+    command = rig.piezo('check', 'compensator', '--discovery-s', '0.5')
+    assert command.wait() == 1
+    assert '/voltage has no writer, exactly one is needed' in command.output
+
+
+def test_a_command_that_ends_at_once_is_told_with_its_last_words(rig):
+    command = rig.piezo('check', 'plant', '--start', 'sh', '-c', 'echo no such port; exit 3')
+    assert command.wait() == 1
+    assert 'the command ended with exit code 3; it wrote: no such port' in command.output

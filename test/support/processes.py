@@ -1,0 +1,292 @@
+# Copyright 2026 piezo_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Real processes on real middleware: started, watched, and ended whatever happens to the test."""
+
+import contextlib
+import itertools
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+import yaml
+
+from piezo_ros.bag import STREAMS
+from piezo_ros.experiment.launching import LAUNCH_FILES, node_processes
+
+ROOT = Path(__file__).parents[2]
+PATIENCE_S = 90.0
+_numbers = itertools.count()
+
+
+def wait_until(condition, what, timeout_s=PATIENCE_S):
+    """Return the first true value of a condition."""
+    deadline = time.monotonic() + timeout_s
+    while not (value := condition()):
+        assert time.monotonic() < deadline, f'waited in vain for {what}'
+        time.sleep(0.01)
+    return value
+
+
+class Process:
+    """A process in a group of its own, its output in a file."""
+
+    def __init__(self, arguments, output, environment):
+        self._output = output
+        with output.open('wb') as file:
+            self._popen = subprocess.Popen(
+                [sys.executable, *arguments], stdin=subprocess.DEVNULL, stdout=file,
+                stderr=subprocess.STDOUT, start_new_session=True, env=environment,
+                # Tests started in the background inherit that SIGINT is ignored.
+                preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL))
+        self.pid = self._popen.pid
+
+    @property
+    def output(self):
+        """What it has written so far, to either stream."""
+        return self._output.read_text(errors='replace')
+
+    @property
+    def exit_code(self):
+        return self._popen.poll()
+
+    def send(self, number):
+        self._popen.send_signal(number)
+
+    def wait(self, timeout_s=PATIENCE_S):
+        """Return the exit code; a process that does not end is the test's failure."""
+        try:
+            return self._popen.wait(timeout_s)
+        except subprocess.TimeoutExpired:
+            pytest.fail(f'process {self.pid} does not end; it wrote:\n{self.output}')
+
+    def wait_for(self, text):
+        """Wait until it has written a text."""
+        wait_until(
+            lambda: text in self.output or self.exit_code is not None, f'{text!r}')
+        assert text in self.output, self.output
+
+    def destroy(self):
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(self.pid, signal.SIGKILL)
+        self._popen.wait()
+
+
+class Rig:
+    """One rig: a namespace and a domain of its own, and the processes started in them."""
+
+    def __init__(self, directory):
+        number = os.getpid() + 37 * next(_numbers)
+        self.directory = directory
+        self.namespace = f'/test_{os.getpid()}_{next(_numbers)}'
+        self.domain = 1 + number % 101
+        self.environment = {
+            **os.environ, 'PYTHONPATH': str(ROOT), 'ROS_DOMAIN_ID': str(self.domain),
+            'PYTHONUNBUFFERED': '1'}
+        self._processes = []
+
+    @property
+    def bag(self):
+        """Where the first run of a plan under fbff goes."""
+        return self.directory / 'out' / 'bags' / '000_fbff_triangle_1um_300hz'
+
+    def piezo(self, *arguments):
+        """Start the command; ``run`` gets the namespace of this rig."""
+        if arguments[0] == 'run' and '--default-namespace' not in arguments:
+            arguments = (*arguments, '--namespace', self.namespace)
+        arguments = [str(word) for word in arguments if word != '--default-namespace']
+        return self._start('piezo_ros.cli.main', *arguments)
+
+    def node(self, name, **parameters):
+        """Start one node."""
+        words = [
+            word for key, value in parameters.items() for word in ('-p', f'{key}:={value}')]
+        return self.start_node(name, *words)
+
+    def start_node(self, name, *arguments):
+        """Start one node with some arguments for ROS."""
+        return self._start(
+            'piezo_ros.nodes.executables', name, '--ros-args', '-r', f'__ns:={self.namespace}',
+            *arguments)
+
+    def start_process(self, executable, *words):
+        """Start one node executable with its whole command line."""
+        return self._start('piezo_ros.nodes.executables', executable, *words)
+
+    def start_file(self, path, *words):
+        """Start a Python file, as a foreign node is."""
+        return self._spawn([str(path), *words])
+
+    def _start(self, *arguments):
+        return self._spawn(['-m', *arguments])
+
+    def _spawn(self, arguments):
+        output = self.directory / f'output_{len(self._processes)}.txt'
+        process = Process(arguments, output, self.environment)
+        self._processes.append(process)
+        return process
+
+    def nodes(self, *names):
+        """Return the process number of every living node of this rig, or of those named."""
+        found = {}
+        for entry in Path('/proc').iterdir():
+            try:
+                words = (entry / 'cmdline').read_bytes().decode().split('\0')
+            except (OSError, UnicodeDecodeError):
+                continue
+            # The command line of a zombie is empty.
+            if entry.name.isdigit() and f'__ns:={self.namespace}' in words:
+                name = words[words.index('--ros-args') - 1]
+                if not names or name in names:
+                    found[name] = int(entry.name)
+        return found
+
+    def destroy(self):
+        for process in self._processes:
+            process.destroy()
+        for number in self.nodes().values():
+            os.kill(number, signal.SIGKILL)
+
+
+def _rigs(make_directory):
+    rigs = []
+
+    def make():
+        rigs.append(Rig(make_directory()))
+        return rigs[-1]
+
+    try:
+        yield make
+    finally:
+        for rig in rigs:
+            rig.destroy()
+
+
+@pytest.fixture
+def rig(tmp_path):
+    """One rig whose processes end with the test."""
+    yield from (make() for make in _rigs(lambda: tmp_path))
+
+
+@pytest.fixture
+def launched(rig):
+    """Start what scan.launch.py would."""
+    def start(**given):
+        values = {
+            argument.name: str(ROOT / 'config' / argument.default)
+            if argument.name.endswith('_file') else argument.default
+            for argument in LAUNCH_FILES['scan.launch.py']}
+        return {
+            process.executable: rig.start_process(
+                process.executable, *process.command_line)
+            for process in node_processes('scan.launch.py', {**values, **given})}
+
+    return start
+
+
+@pytest.fixture(scope='module')
+def make_rig(tmp_path_factory):
+    """Make rigs whose processes end with the module."""
+    yield from _rigs(lambda: tmp_path_factory.mktemp('rig'))
+
+
+@pytest.fixture(scope='session')
+def write_plan(tmp_path_factory):
+    """Write a plan of one waveform under some schemes, on the simulated rig of config/."""
+    def write(*schemes, periods=3, watchdog_s=60.0):
+        path = tmp_path_factory.mktemp('plan') / 'plan.yaml'
+        path.write_text(yaml.safe_dump({
+            'format_version': 1,
+            'parameter_files': [
+                str(ROOT / 'config' / f'{name}.yaml')
+                for name in ('rig', 'compensator', 'controller', 'trajectory')],
+            'score_periods': 1,
+            # Busy machines keep processes waiting for seconds.
+            'runs': [{'scheme': list(schemes), 'periods': periods,
+                      'plant': {'watchdog_s': watchdog_s}}],
+        }))
+        return path
+
+    return write
+
+
+@pytest.fixture
+def start_long(rig, write_plan):
+    """
+    Start a run that takes minutes; return its command once samples of the loop are on the disk.
+
+    Parameters, and what the trajectory sends before it is answered, are 20 kB.
+    """
+    def start(processes):
+        # 100 000 loops, and where they are quick ten million.
+        plan = write_plan('fbff', periods=300 if processes == '--separate' else 30_000)
+        command = rig.piezo('run', plan, '-o', rig.directory / 'out', processes)
+        wait_until(
+            lambda: command.exit_code is not None or any(
+                file.stat().st_size > 30_000 for file in rig.bag.glob('*.mcap')),
+            'the first samples on the disk')
+        assert command.exit_code is None, command.output
+        return command
+
+    return start
+
+
+@pytest.fixture(scope='session')
+def assert_whole():
+    """Assert that every stream of a run begins at 0; `read` has refused gaps."""
+    def check(run):
+        assert run.streams == tuple(STREAMS)
+        for stream in run.streams:
+            start, samples = run.whole(stream)
+            assert start == 0
+            assert samples.size > 10
+
+    return check
+
+
+@pytest.fixture(scope='session')
+def until():
+    return wait_until
+
+
+@pytest.fixture
+def make_peer(until):
+    """Make peers that end with the test."""
+    from foreign_peer import Peer
+
+    peers = []
+
+    def make(rig):
+        peers.append(Peer(rig, until))
+        return peers[-1]
+
+    yield make
+    for peer in peers:
+        peer.destroy()
+
+
+@pytest.fixture
+def peer(rig, make_peer):
+    return make_peer(rig)
+
+
+@pytest.fixture
+def block():
+    from foreign_peer import typed_block
+
+    return typed_block
