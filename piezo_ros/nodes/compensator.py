@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 
 from piezo_ros.model.hysteresis import HysteresisParameters
 from piezo_ros.model.stepping import compensator_stepper, packed_memory
+from piezo_ros.runtime.node.loop_node import LoopNode
 from piezo_ros.runtime.node.parameters import read
-from piezo_ros.runtime.node.stage import Stage
 from piezo_ros.runtime.streams.bursts import answer_burst
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 __all__ = ['Compensator']
 
 
-class Compensator(Stage):
+class Compensator(LoopNode):
     """Answers every block of ``command`` with a block of ``voltage``."""
 
     inputs = ('command',)

@@ -34,8 +34,8 @@ from piezo_ros.model.stepping import packed_memory, rig_stepper, saturated_sampl
 from piezo_ros.nodes.demand import DemandWriter
 from piezo_ros.nodes.pace import Pace
 from piezo_ros.nodes.simulated_clock import SimulatedClock
+from piezo_ros.runtime.node.loop_node import LoopNode
 from piezo_ros.runtime.node.parameters import read
-from piezo_ros.runtime.node.stage import Stage
 from piezo_ros.runtime.node.stream_node import ServiceRefusedError
 from piezo_ros.runtime.process.running_time import RunningTime
 from piezo_ros.runtime.streams.bursts import answer_burst, publish_blocks
@@ -50,12 +50,12 @@ _SETTLE_S = 0.02  # simulated time at zero after the last of the decaying triang
 _NAP_S = 0.005  # a paced plant sleeps so long at once, and then looks whether it shall stop
 
 
-class Plant(Stage):
+class Plant(LoopNode):
     """Answers u[k … k+N-1] with y[k+1 … k+N]; opens with y[0]."""
 
     inputs = ('voltage',)
     outputs = ('displacement',)
-    troubles = (*Stage.troubles, 'overruns', 'rail_samples', 'slew_samples')
+    troubles = (*LoopNode.troubles, 'overruns', 'rail_samples', 'slew_samples')
 
     def __init__(self, *, compiled: bool = False) -> None:
         self._held_v = np.zeros(1)

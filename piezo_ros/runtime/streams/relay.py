@@ -27,7 +27,7 @@ from piezo_ros.model.compiled import Operands, direct
 from piezo_ros.runtime.streams.endpoints import StreamReader, StreamWriter
 
 if TYPE_CHECKING:
-    from piezo_ros.runtime.node.stage import Stage
+    from piezo_ros.runtime.node.hooks import NodeHooks
 
 __all__ = ['Relay']
 
@@ -38,7 +38,7 @@ class Relay:
 
     Parameters
     ----------
-    stage : Stage
+    stage : NodeHooks
         Whose streams they are.
     reader, writer : StreamReader, StreamWriter
         The streams.
@@ -56,7 +56,7 @@ class Relay:
     """
 
     def __init__(
-        self, stage: 'Stage', reader: StreamReader, writer: StreamWriter, kernel: Any,
+        self, stage: 'NodeHooks', reader: StreamReader, writer: StreamWriter, kernel: Any,
         other: Callable[[], bool],
     ) -> None:
         self._stage = stage
