@@ -14,23 +14,18 @@
 
 """Costs of a live graph: time to start, memory, processor time while idle, time to answer."""
 
-import json
 import statistics
 import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
-import rclpy
-import yaml
 from rcl_interfaces.srv import GetParameters
-from std_msgs.msg import String
 
 from piezo_ros.experiment.errors import CampaignError
 from piezo_ros.experiment.plan import PlannedRun
-from piezo_ros.live.process_group import ProcessGroup
 from piezo_ros.live.run_parameters import run_parameters
 from piezo_ros.live.supervisor import Supervisor
 
@@ -71,60 +66,42 @@ class Footprint(NamedTuple):
     idle_percent: float
 
 
-class _Graph(Supervisor):
-    """The stages of a run as processes that stay alive after it."""
+class _Graph:
+    """The nodes of a run as processes that stay alive after it."""
 
-    def __init__(self, directory: Path, planned: PlannedRun, *, composed: bool) -> None:
-        super().__init__(directory, '')
-        self._composed = composed
-        self._planned = planned
-        self.processes = ProcessGroup()
-        self.states: dict[str, str] = {}
+    def __init__(
+        self, supervisor: Supervisor, directory: Path, planned: PlannedRun, *, composed: bool,
+    ) -> None:
+        self._supervisor = supervisor
+        self._directory = directory
+        self.processes = supervisor.processes
         self.names = ('loop',) if composed else planned.stages
-
-    def __enter__(self) -> '_Graph':
-        super().__enter__()
-        sections = run_parameters(
-            self._planned, self._directory / 'bag', record=False, autostart=True,
-            compiled=self._planned.stages if self._composed else ())
-        self._file = self._directory / 'parameters.yaml'
-        self._file.write_text(yaml.safe_dump({
-            f'{self._namespace}/{node}': {'ros__parameters': dict(values)}
-            for node, values in sections.items()}), encoding='utf-8')
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.processes.stop()
-        self.processes.kill()
-        super().__exit__()
+        self._arguments = supervisor.write_parameters(directory / 'parameters.yaml', run_parameters(
+            planned, directory / 'bag', record=False, autostart=True,
+            compiled=planned.stages if composed else ()))
 
     def start(self, *names: str) -> None:
         """Start the processes of some executables."""
         for name in names:
-            self.processes.start(
-                name,
-                ['--ros-args', '-r', f'__ns:={self._namespace}', '--params-file',
-                 str(self._file)],
-                self._directory / f'{name}.log')
+            self.processes.start(name, self._arguments, self._directory / f'{name}.log')
 
     def wait(self, condition: Callable[[], bool], what: str) -> None:
         """Take in the status of the nodes until a condition holds."""
-        deadline = time.monotonic() + _TIMEOUT_S
-        while not condition():
-            if self.processes.dead():
-                raise CampaignError(f'{next(iter(self.processes.blamed))} failed')
-            if time.monotonic() > deadline or self._stop_signal:
-                raise CampaignError(f'waited {_TIMEOUT_S:g} s for {what}')
-            rclpy.spin_once(self._node, timeout_sec=0.05)
+        if not self._supervisor.spin_until(condition, timeout_s=_TIMEOUT_S):
+            raise CampaignError(f'waited {_TIMEOUT_S:g} s for {what}')
 
-    def up(self, *stages: str) -> bool:
-        """Return whether all of these stages are active or have finished."""
-        return all(self.states.get(stage) in _UP for stage in stages)
+    @property
+    def states(self) -> dict[str, str]:
+        """The state of every node that has said so."""
+        return {node: status['state'] for node, status in self._supervisor.statuses.items()}
+
+    def up(self, *nodes: str) -> bool:
+        """Return whether all of these nodes are active or have finished."""
+        return all(self.states.get(node) in _UP for node in nodes)
 
     def latency_s(self, node: str, calls: int) -> list[float]:
         """Return the time that each call for a parameter of a node takes, seconds."""
-        client: Any = self._node.create_client(
-            GetParameters, f'{self._namespace}/{node}/get_parameters')
+        client = self._supervisor.create_client(GetParameters, f'{node}/get_parameters')
         self.wait(client.service_is_ready, f'the parameters of {node}')
         # A server that has not discovered its client yet drops the answer.
         time.sleep(_DISCOVERY_S)
@@ -133,19 +110,15 @@ class _Graph(Supervisor):
             start = time.perf_counter()
             future = client.call_async(GetParameters.Request(names=['sample_period_s']))
             while not future.done() and time.perf_counter() - start < _CALL_TIMEOUT_S:
-                rclpy.spin_once(self._node, timeout_sec=_CALL_TIMEOUT_S)
+                self._supervisor.spin_once(_CALL_TIMEOUT_S)
             if not future.done():
                 raise CampaignError(f'{node} did not answer within {_CALL_TIMEOUT_S:g} s')
             seconds.append(time.perf_counter() - start)
         return seconds
 
-    def _note(self, message: String) -> None:
-        status = json.loads(message.data)
-        self.states[status['node']] = status['state']
-
 
 def footprint(planned: PlannedRun) -> Footprint:
-    """Start the stages of a run together, wait for its end, and measure the idle processes."""
+    """Start the nodes of a run together, wait for its end, and measure the idle processes."""
     with _graph(planned) as graph:
         start = time.perf_counter()
         graph.start(*graph.names)
@@ -186,7 +159,7 @@ def service_latency_ms(planned: PlannedRun, *, composed: bool) -> tuple[float, f
     planned : PlannedRun
         A run that lasts longer than the calls.
     composed : bool
-        Whether the four stages share a process; each has its own otherwise.
+        Whether the four nodes of the loop share a process; each has its own otherwise.
 
     Returns
     -------
@@ -212,9 +185,11 @@ def service_latency_ms(planned: PlannedRun, *, composed: bool) -> tuple[float, f
 @contextmanager
 def _graph(planned: PlannedRun, *, composed: bool = False) -> Iterator[_Graph]:
     """Supervise the processes of a run, with a temporary directory for their files."""
-    with tempfile.TemporaryDirectory(prefix='piezo_bench_') as directory, _Graph(
-            Path(directory), planned, composed=composed) as graph:
-        yield graph
+    with (
+        tempfile.TemporaryDirectory(prefix='piezo_bench_') as directory,
+        Supervisor() as supervisor,
+    ):
+        yield _Graph(supervisor, Path(directory), planned, composed=composed)
 
 
 def _processor_s(pid: int) -> float:

@@ -25,7 +25,8 @@ from typing import Final
 from benchmarks import bare_ring, other_rings
 from piezo_ros.experiment.errors import CampaignError
 from piezo_ros.experiment.plan import PlannedRun
-from piezo_ros.live.graph import GraphRunner
+from piezo_ros.live.graph_per_run import GraphPerRun
+from piezo_ros.live.supervisor import Supervisor
 from piezo_ros.runtime.process.middleware import set_middleware_defaults
 
 __all__ = ['graph_rate', 'other_ring_rate', 'ring_rate']
@@ -43,14 +44,17 @@ def graph_rate(planned: PlannedRun, *, composed: bool, record: bool) -> float:
     planned : PlannedRun
         The run.
     composed : bool
-        Whether the four stages share a process; each has its own otherwise.
+        Whether the four nodes of the loop share a process; each has its own otherwise.
     record : bool
         Whether a recorder writes a bag.
 
     """
-    with tempfile.TemporaryDirectory(prefix='piezo_bench_') as directory, GraphRunner(
-            Path(directory), composed=composed, record=record) as runner:
-        result = runner(planned, Path(directory) / 'bag')
+    with (
+        tempfile.TemporaryDirectory(prefix='piezo_bench_') as directory,
+        Supervisor() as supervisor,
+    ):
+        run = GraphPerRun(supervisor, Path(directory), composed=composed, record=record)
+        result = run(planned, Path(directory) / 'bag')
     return planned.trajectory.samples / result.wall_seconds
 
 

@@ -66,8 +66,9 @@ def test_a_signal_that_is_ignored_stays_so():
 def test_a_supervisor_starts_no_run_after_one(python_handler, tmp_path):
     pytest.importorskip('rclpy')
     from piezo_ros.experiment.errors import CampaignError
-    from piezo_ros.live.graph import GraphRunner
+    from piezo_ros.live.graph_per_run import GraphPerRun
+    from piezo_ros.live.supervisor import Supervisor
     with remembering_interruption():
         _swallow_ctrl_c()
-        with GraphRunner(tmp_path) as runner, pytest.raises(CampaignError, match='by SIGINT'):
-            runner(None, tmp_path / 'bag')
+        with Supervisor() as supervisor, pytest.raises(CampaignError, match='by SIGINT'):
+            GraphPerRun(supervisor, tmp_path)(None, tmp_path / 'bag')

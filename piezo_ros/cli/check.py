@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 __all__ = ['add_command']
 
-STAGES: Final = ('plant', 'compensator', 'controller')
+ROLES: Final = ('plant', 'compensator', 'controller')
 _EXAMPLES: Final = """\
 examples:
   piezo check plant                              the plant that runs, alone, in this domain
@@ -74,11 +74,11 @@ def add_command(commands: Any) -> None:
 
 
 def _check(options: argparse.Namespace) -> int:
-    if options.what in STAGES:
+    if options.what in ROLES:
         return _check_node(options)
     if options.start:
         print(
-            f'piezo: {options.what} is none of {", ".join(STAGES)}; only these are started by a '
+            f'piezo: {options.what} is none of {", ".join(ROLES)}; only these are started by a '
             'command', file=sys.stderr)
         return 2
     return _check_plan(Path(options.what))
@@ -124,7 +124,7 @@ def _tell(findings: 'list[Finding]') -> int:
 def _check_plan(path: Path) -> int:
     if not path.is_file():
         print(
-            f'piezo: {path} is neither {", ".join(STAGES)} nor a plan file', file=sys.stderr)
+            f'piezo: {path} is neither {", ".join(ROLES)} nor a plan file', file=sys.stderr)
         return 2
     from piezo_ros.experiment.plan import read_plan
     from piezo_ros.experiment.plan_check import check_plan

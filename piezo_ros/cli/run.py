@@ -73,22 +73,23 @@ def _add_common(parser: argparse.ArgumentParser) -> None:
 def _run_live(options: argparse.Namespace) -> int:
     def campaign(plan: Plan) -> int:
         try:
-            from piezo_ros.live.graph import GraphRunner
+            from piezo_ros.live.graph_per_run import GraphPerRun
             from piezo_ros.live.kept_graph import KeptGraph
+            from piezo_ros.live.supervisor import Supervisor
         except ImportError as error:
             print(
                 f'piezo run needs ROS 2 ({error}); piezo simulate does without it',
                 file=sys.stderr)
             return 1
         progress = Progress()
-        if plan.study or options.keep:
-            # Hundreds of short runs: one composed graph is led through all of them.
-            with KeptGraph(options.output, namespace=options.namespace) as graph:
-                return _run(plan, options.output, graph, progress)
-        with GraphRunner(
-                options.output, namespace=options.namespace, composed=options.composed,
-                progress=progress.show) as runner:
-            return _run(plan, options.output, runner, progress)
+        with Supervisor(options.namespace) as supervisor:
+            if plan.study or options.keep:
+                # Hundreds of short runs: one composed graph is led through all of them.
+                kept = KeptGraph(supervisor, options.output)
+                return _run(plan, options.output, kept, progress)
+            return _run(plan, options.output, GraphPerRun(
+                supervisor, options.output, composed=options.composed, progress=progress.show),
+                progress)
 
     return _with_plan(options, campaign)
 

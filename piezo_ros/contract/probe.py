@@ -36,7 +36,7 @@ from piezo_ros.runtime.process.middleware import set_middleware_defaults
 from piezo_ros.runtime.streams.qos import EVERY_STATUS, LATCHED, STREAM
 from piezo_ros.streams import Block, MalformedBlockError, block_from_message_fields
 
-__all__ = ['OutputLog', 'Probe', 'block_message', 'wait_for']
+__all__ = ['OutputLog', 'Probe', 'block_message', 'names_of_endpoints', 'wait_for']
 
 _POLL_S: Final = 0.002
 _NAME: Final = 'piezo_check'
@@ -62,6 +62,12 @@ def block_message(
     message.layout.data_offset = 2
     message.data = [float(index), sample_period_s, *samples]
     return message
+
+
+def names_of_endpoints(endpoints: Sequence[Any]) -> str:
+    """Return the full names of the nodes that have some endpoints."""
+    return ', '.join(
+        f'{endpoint.node_namespace.rstrip("/")}/{endpoint.node_name}' for endpoint in endpoints)
 
 
 class OutputLog:
@@ -187,6 +193,18 @@ class Probe:
     def readers(self, stream: str) -> list[Any]:
         """Return the endpoint of every reader of a stream but its own."""
         return self._others(self.node.get_subscriptions_info_by_topic(self.topic(stream)))
+
+    def problem_of_writers(self, stream: str) -> str:
+        """Return '' if a topic has exactly one writer beside this peer, else what is wrong."""
+        writers = self.writers(stream)
+        if len(writers) == 1:
+            return ''
+        topic = self.topic(stream)
+        if not writers:
+            return f'{topic} has no writer, exactly one is needed'
+        return (
+            f'{topic} has {len(writers)} writers, exactly one is needed: '
+            f'{names_of_endpoints(writers)}')
 
     def _others(self, endpoints: Sequence[Any]) -> list[Any]:
         return [endpoint for endpoint in endpoints if endpoint.node_name != _NAME]

@@ -22,8 +22,9 @@ from collections.abc import Callable, Sequence
 from types import TracebackType
 from typing import Final
 
+from piezo_ros.contract.driving import DrivenNode
 from piezo_ros.contract.probe import Probe, wait_for
-from piezo_ros.contract.run import FAULTS, SILENCE, ContractRun
+from piezo_ros.contract.run import FAULTS, SILENCE, broken_run, ordinary_run
 from piezo_ros.contract.topics import CONTRACTS, CheckSettings, Finding
 
 __all__ = ['StartedNode', 'check_command', 'check_running', 'compared']
@@ -33,13 +34,13 @@ _LAST_LINES: Final = 3
 _NOT_THERE: Final = 'nothing to compare: '
 
 
-def check_running(stage: str, namespace: str, settings: CheckSettings) -> list[Finding]:
+def check_running(role: str, namespace: str, settings: CheckSettings) -> list[Finding]:
     """
     Check a node that runs, in one run that comes to its end.
 
     Parameters
     ----------
-    stage : str
+    role : str
         plant, compensator or controller.
     namespace : str
         Namespace of the node.
@@ -47,17 +48,17 @@ def check_running(stage: str, namespace: str, settings: CheckSettings) -> list[F
         How to check.
 
     """
-    probe = Probe(namespace, CONTRACTS[stage].output)
+    probe = Probe(namespace, CONTRACTS[role].output)
     try:
-        run = ContractRun(stage, probe, settings)
-        run.ordinary(disturbed=True)
-        return run.findings
+        node = DrivenNode(role, probe, settings)
+        ordinary_run(node, disturbed=True)
+        return node.findings
     finally:
         probe.close()
 
 
 def check_command(
-    stage: str, command: Sequence[str], settings: CheckSettings,
+    role: str, command: Sequence[str], settings: CheckSettings,
     progress: Callable[[str], None] = lambda what: None,
 ) -> list[Finding]:
     """
@@ -65,7 +66,7 @@ def check_command(
 
     Parameters
     ----------
-    stage : str
+    role : str
         plant, compensator or controller.
     command : sequence of str
         The command; ``--ros-args -r __ns:=…`` is appended, a namespace of its own for every start.
@@ -76,26 +77,26 @@ def check_command(
 
     """
     progress('an ordinary run with blocks that must be refused')
-    with StartedNode(stage, command, settings) as started:
-        disturbed = started.run.ordinary(disturbed=True)
-    findings = started.run.findings
+    with StartedNode(role, command, settings) as started:
+        disturbed = ordinary_run(started.node, disturbed=True)
+    findings = started.node.findings
     if not any(finding.what == 'end of the stream passed on' for finding in findings):
         return findings  # It has not come through one run: the others would say the same.
     undisturbed = []
     for number in (1, 2):
         progress(f'undisturbed run {number} of 2')
-        with StartedNode(stage, command, settings) as started:
-            undisturbed.append(started.run.ordinary(disturbed=False))
+        with StartedNode(role, command, settings) as started:
+            undisturbed.append(ordinary_run(started.node, disturbed=False))
     findings.append(compared(disturbed, undisturbed))
     for what, break_it in FAULTS.items():
-        if what == SILENCE and stage != 'plant':
+        if what == SILENCE and role != 'plant':
             continue
         progress(what)
-        with StartedNode(stage, command, settings) as started:
-            started.run.broken(what, break_it)
-        findings += started.run.findings
+        with StartedNode(role, command, settings) as started:
+            broken_run(started.node, what, break_it)
+        findings += started.node.findings
     progress('SIGINT')
-    findings += _interrupted(stage, command, settings)
+    findings += _interrupted(role, command, settings)
     return findings
 
 
@@ -115,11 +116,12 @@ def compared(disturbed: list[float], undisturbed: list[list[float]]) -> Finding:
     return Finding(what, True, f'{len(first)} samples are the same')
 
 
-def _interrupted(stage: str, command: Sequence[str], settings: CheckSettings) -> list[Finding]:
-    with StartedNode(stage, command, settings) as started:
-        started.run.broken('SIGINT ends the run', lambda _: started.send(signal.SIGINT))
+def _interrupted(role: str, command: Sequence[str], settings: CheckSettings) -> list[Finding]:
+    with StartedNode(role, command, settings) as started:
+        broken_run(
+            started.node, 'SIGINT ends the run', lambda _: started.send(signal.SIGINT))
         ended = wait_for(lambda: not started.runs(), _GRACE_S)
-    return [*started.run.findings, Finding(
+    return [*started.node.findings, Finding(
         'SIGINT ends the process', ended, '' if ended else
         f'it is still there {_GRACE_S:g} s later')]
 
@@ -129,11 +131,11 @@ class StartedNode:
 
     _count = 0
 
-    def __init__(self, stage: str, command: Sequence[str], settings: CheckSettings) -> None:
+    def __init__(self, role: str, command: Sequence[str], settings: CheckSettings) -> None:
         StartedNode._count += 1
         self._namespace = f'/piezo_check_{os.getpid()}/run_{StartedNode._count}'
         self._command = [*command, '--ros-args', '-r', f'__ns:={self._namespace}']
-        self._stage = stage
+        self._role = role
         self._settings = settings
 
     def __enter__(self) -> 'StartedNode':
@@ -147,11 +149,12 @@ class StartedNode:
             stderr=subprocess.STDOUT, start_new_session=True,
             preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL))
         try:
-            self._probe = Probe(self._namespace, CONTRACTS[self._stage].output)
+            self._probe = Probe(self._namespace, CONTRACTS[self._role].output)
         except BaseException:
             self._end()
             raise
-        self.run = ContractRun(self._stage, self._probe, self._settings, self._how_it_ended)
+        self.node = DrivenNode(
+            self._role, self._probe, self._settings, self._how_it_ended)
         return self
 
     def __exit__(

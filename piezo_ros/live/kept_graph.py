@@ -21,84 +21,50 @@ up and configured again only where the topics change: every endpoint that is mad
 discovered again, and until the old one is forgotten a writer may take it for the new one.
 """
 
-import json
-import math
-import signal
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
-import rclpy
-from lifecycle_msgs.msg import State, Transition
-from lifecycle_msgs.srv import ChangeState, GetState
-from rcl_interfaces.srv import SetParametersAtomically
-from rclpy.parameter import Parameter
-from std_msgs.msg import String
+from lifecycle_msgs.msg import Transition
 
 from piezo_ros.experiment.campaign import RunResult
 from piezo_ros.experiment.errors import CampaignError
 from piezo_ros.experiment.node_parameters import NODE_PARAMETERS
 from piezo_ros.experiment.plan import PlannedRun
-from piezo_ros.live.process_group import POLL_S, ProcessGroup
+from piezo_ros.live.node_services import NodeServices
 from piezo_ros.live.rescue import rescue
 from piezo_ros.live.run_parameters import run_parameters
-from piezo_ros.live.supervisor import Supervisor, stopped_by
+from piezo_ros.live.supervisor import Supervisor
 from piezo_ros.runtime.node.parameters import names_by_change
-from piezo_ros.runtime.process.running_time import RunningTime
 
 __all__ = ['KeptGraph']
 
-_START_S: Final = 30.0
-_ASK_AGAIN_S: Final = 1.0
-_ATTEMPTS: Final = 60
 _LAST_STATUS_S: Final = 5.0  # of the plant, once another node has ended the run
-# Transition -> the state that it leads to.
-_TARGETS: Final = {
-    Transition.TRANSITION_CONFIGURE: State.PRIMARY_STATE_INACTIVE,
-    Transition.TRANSITION_ACTIVATE: State.PRIMARY_STATE_ACTIVE,
-    Transition.TRANSITION_DEACTIVATE: State.PRIMARY_STATE_INACTIVE,
-    Transition.TRANSITION_CLEANUP: State.PRIMARY_STATE_UNCONFIGURED,
-}
 
 
-class KeptGraph(Supervisor):
+class KeptGraph:
     """
-    Does runs on a composed loop and a recorder that stay.
+    Does the runs of a plan on a composed loop and a recorder that stay.
 
     Parameters
     ----------
+    supervisor : Supervisor
+        What ends the processes, which are started here and now.
     directory : Path
         Output directory; logs go below it.
-    namespace : str
-        Namespace of the nodes; of its own for every process by default.
 
     """
 
-    def __init__(self, directory: Path, *, namespace: str = '') -> None:
-        super().__init__(directory, namespace)
-        self._statuses: dict[str, dict[str, Any]] = {}
-        self._clients: dict[tuple[str, str], Any] = {}
+    def __init__(self, supervisor: Supervisor, directory: Path) -> None:
+        self._supervisor = supervisor
+        self._services = NodeServices(supervisor)
         # Node -> what its topics were made of, of all that are configured.
         self._configured: dict[str, dict[str, Any]] = {}
-
-    def __enter__(self) -> 'KeptGraph':
-        """Start the processes; take over SIGINT and SIGTERM."""
-        super().__enter__()
-        self._processes = ProcessGroup()
-        logs = self._directory / 'logs'
+        logs = directory / 'logs'
         logs.mkdir(parents=True, exist_ok=True)
-        arguments = [
-            '--ros-args', '-r', f'__ns:={self._namespace}', '-p', 'autostart:=false',
-            '-p', 'linger_s:=-1.0']
+        arguments = [*supervisor.arguments, '-p', 'autostart:=false', '-p', 'linger_s:=-1.0']
         for name in ('recorder', 'loop'):
-            self._processes.start(name, arguments, logs / f'{name}.log')
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        """End the processes and give everything back."""
-        self._processes.stop()
-        self._processes.kill()
-        super().__exit__()
+            supervisor.processes.start(name, arguments, logs / f'{name}.log')
 
     def __call__(self, planned: PlannedRun, bag: Path) -> RunResult:
         """
@@ -127,8 +93,8 @@ class KeptGraph(Supervisor):
             return self._run(planned, bag)
         except CampaignError as error:
             # No run comes after this one: the recorder closes its bag, or it is rescued.
-            self._processes.stop()
-            voltage_v = self._statuses.get('plant', {}).get('voltage_v')
+            self._supervisor.processes.stop()
+            voltage_v = self._supervisor.statuses.get('plant', {}).get('voltage_v')
             voltage = [] if voltage_v is None else [f'the voltage deviation is {voltage_v:g} V']
             raise CampaignError('; '.join([str(error), *voltage, *rescue(bag)])) from None
 
@@ -141,8 +107,8 @@ class KeptGraph(Supervisor):
             self._change_states(self._configured, Transition.TRANSITION_CLEANUP)
             self._configured = {}
         for node, values in sections.items():
-            self._set_parameters(node, values)
-        self._statuses.clear()
+            self._services.set_parameters(node, values)
+        self._supervisor.statuses.clear()
         if not self._configured:
             self._change_states(nodes, Transition.TRANSITION_CONFIGURE)
             self._configured = wanted
@@ -154,95 +120,28 @@ class KeptGraph(Supervisor):
         def cut_short() -> list[str]:
             return [node for node in nodes if self._state_of(node) in ('faulted', 'stopped')]
 
-        self._spin_until(lambda: all(map(finished, nodes)) or bool(cut_short()))
+        self._supervisor.spin_until(lambda: all(map(finished, nodes)) or bool(cut_short()))
         if cut_short():
             # The voltage at its end is worth waiting for.
-            self._spin_until(
+            self._supervisor.spin_until(
                 lambda: self._state_of('plant') != 'active', timeout_s=_LAST_STATUS_S)
             raise CampaignError('; '.join(self._reasons(cut_short())))
-        plant = dict(self._statuses['plant'])
+        plant = dict(self._supervisor.statuses['plant'])
         self._change_states(nodes, Transition.TRANSITION_DEACTIVATE)
         return RunResult(float(plant['elapsed_s']))
 
     def _reasons(self, nodes: Sequence[str]) -> list[str]:
         """Return why runs were cut short; nodes that followed a peer count if no other says why."""
-        statuses = [self._statuses[node] for node in nodes]
+        statuses = [self._supervisor.statuses[node] for node in nodes]
         own = [status for status in statuses if not status['by_peer']]
         return [f'{status["node"]}: {status["reason"]}' for status in own or statuses]
 
     def _state_of(self, node: str) -> str:
-        return str(self._statuses.get(node, {}).get('state', ''))
-
-    def _set_parameters(self, node: str, values: Mapping[str, Any]) -> None:
-        request = SetParametersAtomically.Request(parameters=[
-            Parameter(name, value=value).to_parameter_msg() for name, value in values.items()])
-        answer = self._ask(node, 'set_parameters_atomically', SetParametersAtomically, request)
-        if not answer.result.successful:
-            raise CampaignError(f'{node} refuses its parameters: {answer.result.reason}')
+        return str(self._supervisor.statuses.get(node, {}).get('state', ''))
 
     def _change_states(self, nodes: Iterable[str], transition: int) -> None:
         for node in nodes:
-            self._change_state(node, transition)
-
-    def _change_state(self, node: str, transition: int) -> None:
-        """Lead a node through a transition, also where its answer gets lost."""
-        client = self._client(node, 'change_state', ChangeState)
-        future = client.call_async(ChangeState.Request(transition=Transition(id=transition)))
-        for _ in range(_ATTEMPTS):
-            self._spin_until(future.done, timeout_s=_ASK_AGAIN_S)
-            if future.done():
-                break
-            state = self._ask(node, 'get_state', GetState, GetState.Request())
-            if state.current_state.id == _TARGETS[transition]:
-                return
-        else:
-            raise CampaignError(
-                f'waited {_ATTEMPTS * _ASK_AGAIN_S:g} s for transition {transition} of {node}')
-        if not future.result().success:
-            self._spin_until(lambda: False, timeout_s=0.2)
-            reason = self._statuses.get(node, {}).get('reason', '')
-            raise CampaignError(f'{node} refuses transition {transition}: {reason}')
-
-    def _ask(self, node: str, service: str, service_type: Any, request: Any) -> Any:
-        """Call a service that may be called twice, until it answers."""
-        client = self._client(node, service, service_type)
-        # A server that has not discovered its client throws the answer away: ask again.
-        for _ in range(_ATTEMPTS):
-            future = client.call_async(request)
-            self._spin_until(future.done, timeout_s=_ASK_AGAIN_S)
-            if future.done():
-                return future.result()
-            client.remove_pending_request(future)
-        raise CampaignError(f'{node} has not answered {service}, asked {_ATTEMPTS} times')
-
-    def _client(self, node: str, service: str, service_type: Any) -> Any:
-        key = (node, service)
-        if key not in self._clients:
-            self._clients[key] = self._node.create_client(
-                service_type, f'{self._namespace}/{node}/{service}')
-        client = self._clients[key]
-        self._spin_until(client.service_is_ready, timeout_s=_START_S)
-        if not client.service_is_ready():
-            raise CampaignError(f'waited {_START_S:g} s for {node} to be up')
-        return client
-
-    def _spin_until(
-        self, condition: Callable[[], bool], *, timeout_s: float = math.inf,
-    ) -> None:
-        """Serve status and answers until a condition holds or the time is over."""
-        waited = RunningTime()
-        while not condition() and waited.elapsed_s() < timeout_s:
-            if self._stop_signal:
-                raise CampaignError(stopped_by(self._stop_signal))
-            if self._processes.dead():
-                name, code = next(iter(self._processes.blamed.items()))
-                how = f'was killed by {signal.Signals(-code).name}' if code < 0 else 'failed'
-                raise CampaignError(f'{name} {how}')
-            rclpy.spin_once(self._node, timeout_sec=POLL_S)
-
-    def _note(self, message: String) -> None:
-        status = json.loads(message.data)
-        self._statuses[status['node']] = status
+            self._services.change_state(node, transition)
 
 
 def _parameters_of_topics(node: str, values: Mapping[str, Any]) -> dict[str, Any]:

@@ -48,7 +48,7 @@ def run_parameters(
     autostart : bool
         Whether the nodes bring themselves up; where not, they have been told at their start.
     compiled : collection of str
-        Stages that compute in compiled code, beside those of which the plan says so.
+        Nodes that compute in compiled code, beside those of which the plan says so.
     file : Path, optional
         Where the parameters will be written: the recorder takes from there what a node that is
         held up to the end does not tell.
@@ -59,16 +59,16 @@ def run_parameters(
         Node name to its parameters, the recorder first.
 
     """
-    # The stages stay until the recorder has all it wants of them.
+    # The nodes stay until the recorder has all it wants of them.
     # Without feedback from a controller the streams come in long blocks as they are.
     copies = record and not planned.bare
     common = {
         'required_readers': 2 if record else 1,
         'recorded_block_samples': _RECORDED_BLOCK_SAMPLES if copies else 0,
         'linger_s': -1.0}
-    sections = {stage: {**planned.parameters[stage], **common} for stage in planned.stages}
-    for stage in compiled:
-        sections[stage]['compiled'] = True
+    sections = {node: {**planned.parameters[node], **common} for node in planned.stages}
+    for node in compiled:
+        sections[node]['compiled'] = True
     for values in sections.values():
         values['handshake_timeout_s'] = max(
             _HANDSHAKE_TIMEOUT_S, values.get('handshake_timeout_s', 0.0))

@@ -12,71 +12,159 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What every supervisor of nodes has: a namespace, an ear for status, and the signals."""
+"""
+Supervision of node processes: their namespace, their status, their end, and the signals.
 
+Every process is told the process that started it and ends with it, so that nothing is left behind
+even when this process is killed.
+"""
+
+import json
+import math
 import os
 import signal
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import rclpy
+import yaml
 from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import String
 
+from piezo_ros.experiment.errors import CampaignError
 from piezo_ros.interruption import was_interrupted
+from piezo_ros.live.process_group import POLL_S, ProcessGroup
 from piezo_ros.runtime.process.leaving import destroy_after_others
 from piezo_ros.runtime.process.middleware import set_middleware_defaults
+from piezo_ros.runtime.process.running_time import RunningTime
+from piezo_ros.runtime.process.stop_request import StopRequest
 from piezo_ros.runtime.streams.qos import EVERY_STATUS
 
 __all__ = ['Supervisor', 'stopped_by']
 
-_Self = TypeVar('_Self', bound='Supervisor')
-
 
 class Supervisor:
     """
-    A context in which nodes are supervised.
+    A context in which node processes are started, followed and ended.
 
     Parameters
     ----------
-    directory : Path
-        Output directory.
     namespace : str
         Namespace of the nodes; of its own for every process by default.
 
+    Attributes
+    ----------
+    processes : ProcessGroup
+        The processes of the present graph.
+    statuses : dict of str to dict
+        The newest status of every node of it, by name.
+
     """
 
-    def __init__(self, directory: Path, namespace: str) -> None:
+    def __init__(self, namespace: str = '') -> None:
         set_middleware_defaults()
-        self._directory = directory
-        self._namespace = '/' + (namespace or f'piezo_{os.getpid()}').strip('/')
-        self._stop_signal = 0
+        self.namespace = '/' + (namespace or f'piezo_{os.getpid()}').strip('/')
+        self.processes = ProcessGroup()
+        self.statuses: dict[str, dict[str, Any]] = {}
+        self._stop = StopRequest()
 
-    def __enter__(self: _Self) -> _Self:
+    def __enter__(self) -> 'Supervisor':
         """Listen to the status of the nodes; take over SIGINT and SIGTERM."""
         self._old_handlers = {
-            number: signal.signal(number, self._on_signal)
-            for number in (signal.SIGINT, signal.SIGTERM)}
+            number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+        self._stop.listen()
         if was_interrupted(self._old_handlers[signal.SIGINT]):
-            self._stop_signal = signal.SIGINT
+            self._stop.signal_number = signal.SIGINT
         rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
-        self._node = rclpy.create_node('supervisor', namespace=self._namespace)
+        self._node = rclpy.create_node('supervisor', namespace=self.namespace)
         self._subscription = self._node.create_subscription(
             String, 'status', self._note, EVERY_STATUS)
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Give everything back."""
+        """End the processes and give everything back."""
+        self.processes.stop()
+        self.processes.kill()
         destroy_after_others(self._node)
         rclpy.try_shutdown()
         for number, handler in self._old_handlers.items():
             signal.signal(number, handler)
 
-    def _note(self, message: String) -> None:
-        """Take a status, where the node is spun."""
+    @property
+    def stop_signal(self) -> int:
+        """The signal that has asked this process to end, 0 for none."""
+        return self._stop.signal_number
 
-    def _on_signal(self, number: int, _frame: Any) -> None:
-        self._stop_signal = number
+    @property
+    def arguments(self) -> list[str]:
+        """The arguments that put a node executable into the namespace."""
+        return ['--ros-args', '-r', f'__ns:={self.namespace}']
+
+    def write_parameters(
+        self, path: Path, sections: Mapping[str, Mapping[str, Any]],
+    ) -> list[str]:
+        """Write a parameter file, node by node; return the arguments for executables with it."""
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(yaml.safe_dump({
+            f'{self.namespace}/{node}': {'ros__parameters': dict(values)}
+            for node, values in sections.items()}), encoding='utf-8')
+        return [*self.arguments, '--params-file', str(path)]
+
+    def begin_graph(self) -> None:
+        """Forget the processes of the graph before, which are gone, and what they said."""
+        self.processes = ProcessGroup()
+        self.take_statuses()
+        self.statuses.clear()
+
+    def take_statuses(self) -> None:
+        """Take in what the nodes have said since the last time, without waiting."""
+        while (taken := self._subscription.handle.take_message(String, False)) is not None:
+            self._note(taken[0])
+
+    def create_client(self, service_type: Any, name: str) -> Any:
+        """Create the client of a service, named below the namespace."""
+        return self._node.create_client(service_type, f'{self.namespace}/{name}')
+
+    def spin_until(
+        self, condition: Callable[[], bool], *, timeout_s: float = math.inf,
+    ) -> bool:
+        """
+        Take in statuses and answers until a condition holds; return whether it does.
+
+        Parameters
+        ----------
+        condition : callable
+            The condition.
+        timeout_s : float
+            How long to wait for it.
+
+        Raises
+        ------
+        CampaignError
+            If this process was asked to end, or a process of the graph failed.
+
+        """
+        waited = RunningTime()
+        while not condition():
+            if waited.elapsed_s() >= timeout_s:
+                return False
+            if self.stop_signal:
+                raise CampaignError(stopped_by(self.stop_signal))
+            if self.processes.dead():
+                name, code = next(iter(self.processes.blamed.items()))
+                how = f'was killed by {signal.Signals(-code).name}' if code < 0 else 'failed'
+                raise CampaignError(f'{name} {how}')
+            self.spin_once(POLL_S)
+        return True
+
+    def spin_once(self, timeout_s: float) -> None:
+        """Take in one status or answer, waiting for it at most so long."""
+        rclpy.spin_once(self._node, timeout_sec=timeout_s)
+
+    def _note(self, message: String) -> None:
+        status = json.loads(message.data)
+        self.statuses[status['node']] = status
 
 
 def stopped_by(number: int) -> str:

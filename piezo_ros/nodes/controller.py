@@ -29,8 +29,8 @@ from piezo_ros.experiment.node_parameters import DemandParameters
 from piezo_ros.model.parameters import ParameterError
 from piezo_ros.nodes.demand import DemandWriter
 from piezo_ros.nodes.law_schedule import LawSchedule
+from piezo_ros.runtime.node.loop_node import LoopNode
 from piezo_ros.runtime.node.parameters import read
-from piezo_ros.runtime.node.stage import Stage
 from piezo_ros.runtime.streams.bursts import BURST_BLOCKS, MOST_JOINED
 from piezo_ros.runtime.streams.endpoints import StreamFault, StreamReader
 
@@ -42,7 +42,7 @@ __all__ = ['Controller']
 _WORTH_RELAYING = 4  # samples; for fewer the relay costs more than it saves
 _MOST_RELAYED = 4096  # samples, whose targets are laid out for it at once
 
-class Controller(Stage):
+class Controller(LoopNode):
     """
     Sends v[k] once y_d[k], u_ff[k] and, with feedback, y[k] are there.
 
@@ -247,7 +247,7 @@ class Controller(Stage):
         self.get_logger().info(
             f'from sample {self._first + self._index} on: {law.scheme}, '
             f'kP {law.proportional_gain:g}, kI {law.integral_gain_per_s:g} 1/s')
-        self._report('active')
+        self.status.report('active')
 
     def _begin_feedforward(self) -> bool:
         """Wait for the feedforward of the next sample; return whether it is there."""

@@ -18,16 +18,12 @@ The demand: how far the trajectory may send, published by the node that consumes
 It only grows during a run. A zero says that nothing more is wanted.
 """
 
-from typing import TYPE_CHECKING
-
 from std_msgs.msg import UInt64
 
+from piezo_ros.runtime.node.loop_node import LoopNode
 from piezo_ros.runtime.process.running_time import RunningTime
 from piezo_ros.runtime.streams.endpoints import StreamFault
 from piezo_ros.runtime.streams.qos import LATCHED
-
-if TYPE_CHECKING:
-    from piezo_ros.runtime.node.stage import Stage
 
 __all__ = ['NO_MORE', 'DemandReader', 'DemandWriter']
 
@@ -40,14 +36,14 @@ class DemandWriter:
 
     Parameters
     ----------
-    stage : Stage
+    node : LoopNode
         The consumer.
 
     """
 
-    def __init__(self, stage: 'Stage') -> None:
+    def __init__(self, node: LoopNode) -> None:
         self._lookahead = 0
-        self._publisher = stage.create_own_publisher(UInt64, 'demand', LATCHED)
+        self._publisher = node.create_own_publisher(UInt64, 'demand', LATCHED)
         self._renew_at = 0
 
     def start(self, consumed: int, lookahead_samples: int) -> None:
@@ -73,7 +69,7 @@ class DemandReader:
 
     Parameters
     ----------
-    stage : Stage
+    node : LoopNode
         The trajectory.
 
     Attributes
@@ -85,8 +81,8 @@ class DemandReader:
 
     """
 
-    def __init__(self, stage: 'Stage') -> None:
-        self._subscription = stage.create_own_subscription(UInt64, 'demand', LATCHED)
+    def __init__(self, node: LoopNode) -> None:
+        self._subscription = node.create_own_subscription(UInt64, 'demand', LATCHED)
         self._take_message = self._subscription.handle.take_message
         self.start()
 

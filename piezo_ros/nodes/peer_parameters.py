@@ -18,16 +18,14 @@ import math
 import time
 from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from rclpy.parameter import parameter_value_to_python
 from rclpy.parameter_client import AsyncParameterClient
 
 from piezo_ros.runtime.node.guard import guarded
+from piezo_ros.runtime.node.loop_node import LoopNode
 from piezo_ros.runtime.node.parameters import plain
-
-if TYPE_CHECKING:
-    from piezo_ros.nodes.recorder import Recorder
 
 __all__ = ['PeerParameters']
 
@@ -40,8 +38,10 @@ class PeerParameters:
 
     Parameters
     ----------
-    recorder : Recorder
+    recorder : LoopNode
         The node that asks.
+    make_client : callable
+        Returns the client of the parameters of a node, given its full name.
 
     Attributes
     ----------
@@ -50,9 +50,12 @@ class PeerParameters:
 
     """
 
-    def __init__(self, recorder: 'Recorder') -> None:
+    def __init__(
+        self, recorder: LoopNode, make_client: Callable[[str], AsyncParameterClient],
+    ) -> None:
         self.parameters: dict[str, dict[str, Any]] = {}
         self._recorder = recorder
+        self._make_client = make_client
         self._clients: dict[str, AsyncParameterClient] = {}
         self._asked_s: dict[str, float] = {}
 
@@ -84,7 +87,7 @@ class PeerParameters:
                     continue
                 name = f'{endpoint.node_namespace.rstrip("/")}/{endpoint.node_name}'
                 if name not in self._clients:
-                    self._clients[name] = self._recorder.parameter_client(name)
+                    self._clients[name] = self._make_client(name)
         now_s = time.monotonic()
         for name in self.silent if self._clients else ():
             client = self._clients[name]

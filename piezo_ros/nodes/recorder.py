@@ -28,8 +28,8 @@ from piezo_ros.experiment.provenance import parameters_yaml, run_metadata
 from piezo_ros.experiment.roles import parameters_by_role
 from piezo_ros.model.parameters import ParameterError
 from piezo_ros.nodes.peer_parameters import PeerParameters
+from piezo_ros.runtime.node.loop_node import LoopNode
 from piezo_ros.runtime.node.parameters import read
-from piezo_ros.runtime.node.stage import Stage
 from piezo_ros.runtime.process.running_time import RunningTime
 from piezo_ros.runtime.streams.endpoints import StreamFault
 from piezo_ros.runtime.streams.stream_copy import copy_topic
@@ -41,7 +41,7 @@ _SETTLE_S = 0.2  # how long a stopped recorder waits for what is still on its wa
 _SETTLE_AT_MOST_S = 2.0  # how long it takes what comes: the others may go on regardless
 
 
-class Recorder(Stage):
+class Recorder(LoopNode):
     """Writes what arrives; closes the bag when every stream has ended."""
 
     urgent = False
@@ -82,10 +82,10 @@ class Recorder(Stage):
         self._waited_at_end: RunningTime | None = None
         self._next_flush_s = time.monotonic() + self._recording.flush_period_s
         self._pending: list[tuple[str, bytes]] = []
-        self._peers = PeerParameters(self)
+        self._peers = PeerParameters(self, self._parameter_client)
         self._is_described = False
 
-    def parameter_client(self, name: str) -> AsyncParameterClient:
+    def _parameter_client(self, name: str) -> AsyncParameterClient:
         """Return the client of a node's parameters; one for all runs, rclpy cannot give it back."""
         if name not in self._parameter_clients:
             self._parameter_clients[name] = AsyncParameterClient(self, name)
@@ -167,10 +167,10 @@ class Recorder(Stage):
             self._describe()
             self._bag.close()
         except BagError as error:
-            self.note_fault(f'cannot finish the bag: {error}')
+            self.run.note_fault(f'cannot finish the bag: {error}')
         self._bag = None
         for name in sorted(set(self._peers.owing) - self._written_parameters().keys()):
-            self.note_fault(
+            self.run.note_fault(
                 f'{name} has not told its parameters within '
                 f'{self._recording.parameters_timeout_s:g} s; the bag lacks them')
 

@@ -14,17 +14,13 @@
 
 """The simulated time of a run on the topic ``clock``, for nodes with use_sim_time."""
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
 
 from rosgraph_msgs.msg import Clock
 
+from piezo_ros.runtime.node.loop_node import LoopNode
 from piezo_ros.runtime.node.steady_timer import SteadyTimer
 from piezo_ros.runtime.streams.qos import CLOCK
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from piezo_ros.runtime.node.stage import Stage
 
 __all__ = ['SimulatedClock']
 
@@ -37,20 +33,20 @@ class SimulatedClock:
 
     Parameters
     ----------
-    stage : Stage
+    node : LoopNode
         The node with this time.
     index : callable
         Returns the present sample k.
 
     """
 
-    def __init__(self, stage: 'Stage', index: 'Callable[[], int]') -> None:
+    def __init__(self, node: LoopNode, index: Callable[[], int]) -> None:
         self._index = index
         self._period_s = 0.0
         self._shown = -1
-        self._publisher = stage.create_own_publisher(Clock, 'clock', CLOCK)
+        self._publisher = node.create_own_publisher(Clock, 'clock', CLOCK)
         self._runs = False
-        self._timer = SteadyTimer(stage, self.show, lambda: _RATE_HZ if self._runs else 0.0)
+        self._timer = SteadyTimer(node, self.show, lambda: _RATE_HZ if self._runs else 0.0)
 
     def start(self, sample_period_s: float) -> None:
         """Begin a run, from its first sample on."""

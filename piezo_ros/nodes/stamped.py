@@ -18,11 +18,9 @@ An onlooker that offers the streams as stamped messages, for the tools of ROS th
 It reads ``newest/<stream>``, which costs the loop no reader and no waiting; see docs/stamped.md.
 """
 
-import signal
 import sys
 import time
 from collections.abc import Iterator
-from types import FrameType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -43,6 +41,7 @@ from piezo_ros.runtime.node.steady_timer import SteadyTimer
 from piezo_ros.runtime.process.distribution import make_events_executor, name_of_distribution
 from piezo_ros.runtime.process.leaving import exit_after
 from piezo_ros.runtime.process.middleware import set_middleware_defaults
+from piezo_ros.runtime.process.stop_request import StopRequest
 from piezo_ros.runtime.streams.qos import NEWEST, overridable
 from piezo_ros.streams import MalformedBlockError, block_from_message_fields
 
@@ -269,16 +268,6 @@ class _Twin:
                 'yours can publish its newest sample there, as a block of one')
 
 
-class _Stop:
-    """Remembers that the process was asked to end."""
-
-    def __init__(self) -> None:
-        self.requested = False
-
-    def __call__(self, _signal_number: int, _frame: FrameType | None) -> None:
-        self.requested = True
-
-
 def _create_node(message_type: Any) -> Stamped | None:
     try:
         return Stamped(message_type)
@@ -290,9 +279,8 @@ def _create_node(message_type: Any) -> Stamped | None:
 
 def main() -> int:
     """Offer the streams until the process is asked to end; return its exit code."""
-    stop = _Stop()
-    signal.signal(signal.SIGINT, stop)
-    signal.signal(signal.SIGTERM, stop)
+    stop = StopRequest()
+    stop.listen()
     try:
         from sensor_msgs.msg import JointState
     except ImportError as error:
@@ -314,7 +302,7 @@ def main() -> int:
         node = _create_node(JointState)
         if node is not None:
             executor.add_node(node)
-            while not stop.requested:
+            while not stop.signal_number:
                 executor.spin_once(0.5)
             code = 0
     finally:

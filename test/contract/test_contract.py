@@ -19,7 +19,7 @@ from pathlib import Path
 
 import pytest
 
-from piezo_ros.contract.run import FAULTS, SILENCE
+from piezo_ros.contract.run import FAULTS, SILENCE, broken_run, ordinary_run
 from piezo_ros.contract.session import StartedNode, check_command, compared
 from piezo_ros.contract.topics import CONTRACTS, CheckSettings
 
@@ -53,9 +53,9 @@ def wrong(findings):
 ])
 def test_what_is_wrong_in_an_ordinary_run_is_named(way, what, detail):
     settings = IMPATIENT if way == 'StaysWhereItIs' else SETTINGS
-    with started(way, settings) as node:
-        node.run.ordinary(disturbed=True)
-    assert detail in wrong(node.run.findings)[what]
+    with started(way, settings) as session:
+        ordinary_run(session.node, disturbed=True)
+    assert detail in wrong(session.node.findings)[what]
 
 
 @pytest.mark.parametrize(('way', 'what', 'detail'), [
@@ -67,24 +67,24 @@ def test_what_is_wrong_in_an_ordinary_run_is_named(way, what, detail):
 ])
 def test_what_is_missing_in_an_ordinary_run_is_named(way, what, detail):
     discovery_s = 4.0 if way == 'NeverOpens' else SETTINGS.discovery_s
-    with started(way, IMPATIENT._replace(discovery_s=discovery_s)) as node:
-        node.run.ordinary(disturbed=False)
-    assert detail in wrong(node.run.findings)[what]
+    with started(way, IMPATIENT._replace(discovery_s=discovery_s)) as session:
+        ordinary_run(session.node, disturbed=False)
+    assert detail in wrong(session.node.findings)[what]
 
 
 @pytest.mark.parametrize(('way', 'fault'), [
     ('JumpsOverGaps', 'a gap ends the run'),
-    pytest.param('WatchesNobody', 'a second writer ends the run', marks=pytest.mark.slow),
-    pytest.param('WatchesNobody', 'a lost writer ends the run', marks=pytest.mark.slow),
-    pytest.param('WatchesNobody', SILENCE, marks=pytest.mark.slow),
+    pytest.param('WatchesNothing', 'a second writer ends the run', marks=pytest.mark.slow),
+    pytest.param('WatchesNothing', 'a lost writer ends the run', marks=pytest.mark.slow),
+    pytest.param('WatchesNothing', SILENCE, marks=pytest.mark.slow),
 ])
 def test_a_run_that_should_have_ended_is_named(way, fault):
-    with started(way, IMPATIENT) as node:
-        node.run.broken(fault, FAULTS[fault])
-    assert 'has not ended within' in wrong(node.run.findings)[fault]
-    if way == 'WatchesNobody':
-        # Nobody can know of the voltage, as long as it goes on.
-        assert f'{fault}: voltage at zero' in wrong(node.run.findings)
+    with started(way, IMPATIENT) as session:
+        broken_run(session.node, fault, FAULTS[fault])
+    assert 'has not ended within' in wrong(session.node.findings)[fault]
+    if way == 'WatchesNothing':
+        # Nothing can tell of the voltage, as long as it goes on.
+        assert f'{fault}: voltage at zero' in wrong(session.node.findings)
 
 
 @pytest.mark.parametrize(('way', 'what', 'detail'), [
@@ -99,17 +99,17 @@ def test_what_is_wrong_with_a_controller_is_named(way, what, detail):
     settings = SETTINGS._replace(sample_period_s=1e-5)
     if way == 'WaitsForTheNextMeasurement':
         settings = settings._replace(patience_s=2.0)
-    with StartedNode('controller', command, settings) as node:
-        node.run.ordinary(disturbed=False)
-    assert detail in wrong(node.run.findings)[what]
+    with StartedNode('controller', command, settings) as session:
+        ordinary_run(session.node, disturbed=False)
+    assert detail in wrong(session.node.findings)[what]
 
 
 def test_a_state_that_refused_blocks_have_changed_is_named():
     findings = []
     for disturbed in (True, False, False):
-        with started('RemembersWhatItRefuses', SETTINGS) as node:
-            findings.append(node.run.ordinary(disturbed=disturbed))
-        assert not wrong(node.run.findings)
+        with started('RemembersWhatItRefuses', SETTINGS) as session:
+            findings.append(ordinary_run(session.node, disturbed=disturbed))
+        assert not wrong(session.node.findings)
     finding = compared(findings[0], findings[1:])
     assert finding.right is False
     assert 'without refused blocks' in finding.detail
@@ -123,22 +123,22 @@ def test_the_plant_of_the_documentation_is_right_in_everything():
         finding.what for finding in findings}
 
 
-OWN = {stage: [sys.executable, '-m', 'piezo_ros.nodes.executables', stage] for stage in CONTRACTS}
+OWN = {role: [sys.executable, '-m', 'piezo_ros.nodes.executables', role] for role in CONTRACTS}
 
 
-@pytest.mark.parametrize('stage', CONTRACTS)
-def test_our_own_nodes_are_right_in_an_ordinary_run(stage):
+@pytest.mark.parametrize('role', CONTRACTS)
+def test_our_own_nodes_are_right_in_an_ordinary_run(role):
     settings = SETTINGS._replace(sample_period_s=1e-5)
-    with StartedNode(stage, OWN[stage], settings) as node:
-        node.run.ordinary(disturbed=True)
-    assert all(finding.right for finding in node.run.findings), node.run.findings
-    assert any(finding.what == 'end of the stream passed on' for finding in node.run.findings)
+    with StartedNode(role, OWN[role], settings) as session:
+        ordinary_run(session.node, disturbed=True)
+    assert all(finding.right for finding in session.node.findings), session.node.findings
+    assert any(finding.what == 'end of the stream passed on' for finding in session.node.findings)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize('stage', CONTRACTS)
-def test_our_own_nodes_are_right_in_everything(stage):
-    findings = check_command(stage, OWN[stage], SETTINGS._replace(sample_period_s=1e-5))
+@pytest.mark.parametrize('role', CONTRACTS)
+def test_our_own_nodes_are_right_in_everything(role):
+    findings = check_command(role, OWN[role], SETTINGS._replace(sample_period_s=1e-5))
     assert all(finding.right for finding in findings), findings
 
 
@@ -160,7 +160,7 @@ def test_the_command_checks_a_node_that_runs(rig):
     assert '27 checks, 0 wrong' in command.output
 
 
-def test_nobody_there_is_told_and_fails(rig):
+def test_that_no_node_is_there_is_told_and_fails(rig):
     command = rig.piezo('check', 'compensator', '--discovery-s', '0.5')
     assert command.wait() == 1
     assert '/voltage has no writer, exactly one is needed' in command.output

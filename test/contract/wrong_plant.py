@@ -124,7 +124,7 @@ class JumpsOverGaps(GainPlant):
         super().on_voltage(message)
 
 
-class WatchesNobody(GainPlant):
+class WatchesNothing(GainPlant):
     def watch(self):
         if self.state == 'inactive':
             super().watch()

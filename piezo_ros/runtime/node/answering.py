@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from piezo_ros.runtime.node.stage import Stage
+from piezo_ros.runtime.node.loop_node import LoopNode
 from piezo_ros.runtime.streams.bursts import answer_taken, answer_waiting
 from piezo_ros.runtime.streams.endpoints import StreamReader, StreamWriter
 
@@ -38,7 +38,7 @@ class Element(Protocol):
         """Return the answers to samples, shape (N,), of which the first has that index."""
 
 
-class AnsweringNode(Stage):
+class AnsweringNode(LoopNode):
     """Answers every block of its only input with one of its only output, by an element."""
 
     def make_element(self) -> Element:

@@ -16,12 +16,9 @@
 
 import time
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
+from piezo_ros.runtime.node.hooks import NodeHooks
 from piezo_ros.runtime.process.running_time import RunningTime
-
-if TYPE_CHECKING:
-    from piezo_ros.runtime.node.stage import Stage
 
 __all__ = ['await_peers']
 
@@ -29,14 +26,14 @@ _TELL_WAITING_S = 3.0
 _LOOK_S = 0.005
 
 
-def await_peers(stage: 'Stage') -> str:
+def await_peers(node: NodeHooks) -> str:
     """
-    Wait until each needed input of a stage has exactly one writer and each output its readers.
+    Wait until each needed input of a node has exactly one writer and each output its readers.
 
     Parameters
     ----------
-    stage : Stage
-        The stage, configured.
+    node : NodeHooks
+        The node, configured.
 
     Returns
     -------
@@ -45,45 +42,45 @@ def await_peers(stage: 'Stage') -> str:
 
     """
     waited = RunningTime()
-    if stage.subscribes_late and not stage.readers:
-        problem = _wait_while(stage, waited, lambda: _unknown_writer(stage))
+    if node.subscribes_late and not node.readers:
+        problem = _wait_while(node, waited, lambda: _unknown_writer(node))
         if problem:
             return problem
-        stage.create_readers()
+        node.create_readers()
     return _wait_while(
-        stage, waited,
-        lambda: _missing_writer(stage) or _missing_reader(stage) or stage.missing_peers())
+        node, waited,
+        lambda: _missing_writer(node) or _missing_reader(node) or node.missing_peers())
 
 
-def _wait_while(stage: 'Stage', waited: RunningTime, look: Callable[[], str]) -> str:
+def _wait_while(node: NodeHooks, waited: RunningTime, look: Callable[[], str]) -> str:
     """Wait while something is missing; return what it is in the end, '' for nothing."""
     tell_at_s = waited.elapsed_s() + _TELL_WAITING_S
     while problem := look():
-        if stage.given_up:
+        if node.given_up:
             return 'stopped while waiting for the peers'
         waited_s = waited.elapsed_s()
-        if waited_s > stage.settings.handshake_timeout_s:
-            return f'{problem} after {stage.settings.handshake_timeout_s:g} s'
+        if waited_s > node.settings.handshake_timeout_s:
+            return f'{problem} after {node.settings.handshake_timeout_s:g} s'
         if waited_s > tell_at_s:
             tell_at_s += _TELL_WAITING_S
-            stage.get_logger().info(f'waiting: {problem}')
+            node.get_logger().info(f'waiting: {problem}')
         time.sleep(_LOOK_S)
     return ''
 
 
-def _unknown_writer(stage: 'Stage') -> str:
+def _unknown_writer(node: NodeHooks) -> str:
     """Return which needed stream has no writer that discovery has told of."""
-    for stream in stage.required_inputs():
-        topic = stage.resolve_topic_name(stage.input_topic(stream))
-        writers = stage.count_publishers(topic)
+    for stream in node.required_inputs():
+        topic = node.resolve_topic_name(node.input_topic(stream))
+        writers = node.count_publishers(topic)
         if writers != 1:
             return _wrong_number(topic, writers)
     return ''
 
 
-def _missing_writer(stage: 'Stage') -> str:
-    required = stage.required_inputs()
-    for stream, reader in stage.readers.items():
+def _missing_writer(node: NodeHooks) -> str:
+    required = node.required_inputs()
+    for stream, reader in node.readers.items():
         writers = reader.subscription.get_publisher_count()
         if stream in required and writers != 1:
             return _wrong_number(reader.subscription.topic_name, writers)
@@ -94,9 +91,9 @@ def _wrong_number(topic: str, writers: int) -> str:
     return f'{topic} has {writers} writers, exactly one is needed'
 
 
-def _missing_reader(stage: 'Stage') -> str:
-    needed = stage.settings.required_readers
-    for writer in stage.writers.values():
+def _missing_reader(node: NodeHooks) -> str:
+    needed = node.settings.required_readers
+    for writer in node.writers.values():
         readers = writer.count_readers()
         if readers < needed:
             return (

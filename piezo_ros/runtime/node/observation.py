@@ -12,22 +12,18 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a stage shows of itself beside its streams: monitor topics and diagnostics."""
+"""What a node shows of itself beside its streams: monitor topics and diagnostics."""
 
 import math
 import time
-from typing import TYPE_CHECKING
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.publisher import Publisher
 from std_msgs.msg import Float64, Float64MultiArray
 
+from piezo_ros.runtime.node.hooks import NodeHooks
 from piezo_ros.runtime.node.steady_timer import SteadyTimer
 from piezo_ros.runtime.streams.qos import DIAGNOSTICS, NEWEST
-
-if TYPE_CHECKING:
-    from rclpy.publisher import Publisher
-
-    from piezo_ros.runtime.node.stage import Stage
 
 __all__ = ['Diagnostics', 'Monitor', 'newest_topic']
 
@@ -51,28 +47,28 @@ class Monitor:
 
     Parameters
     ----------
-    stage : Stage
+    node : NodeHooks
         The node with the outputs to show.
 
     """
 
-    def __init__(self, stage: 'Stage') -> None:
-        self._stage = stage
+    def __init__(self, node: NodeHooks) -> None:
+        self._node = node
         self._publishers: dict[str, tuple[Publisher, Publisher]] = {}
         self._has_readers = False
         self._shown: dict[str, tuple[int, float]] = {}  # samples sent by then, and when
-        self._timer = SteadyTimer(stage, self.show, self._present_hz)
+        self._timer = SteadyTimer(node, self.show, self._present_hz)
         self._rate_hz = 0.0
         self._most_hz = 0.0  # what the moment allows
 
     def create_endpoints(self) -> None:
-        """Create the publishers of each output; they go when the stage is cleaned up."""
-        create = self._stage.create_own_publisher
+        """Create the publishers of each output; they go when the node is cleaned up."""
+        create = self._node.create_own_publisher
         self._publishers = {
             stream: (
                 create(Float64, f'monitor/{stream}', NEWEST),
                 create(Float64MultiArray, newest_topic(stream), NEWEST))
-            for stream in self._stage.writers}
+            for stream in self._node.writers}
 
     def start(self) -> None:
         """Show what a run sends from now on."""
@@ -108,7 +104,7 @@ class Monitor:
         now_s = time.monotonic()
         had_readers, self._has_readers = self._has_readers, False
         for stream, (number, block) in self._publishers.items():
-            writer = self._stage.writers.get(stream)
+            writer = self._node.writers.get(stream)
             if writer is None:
                 continue
             readers, block_readers = (
@@ -129,47 +125,47 @@ class Monitor:
 
 class Diagnostics:
     """
-    The health of a stage on ``/diagnostics``, once a second.
+    The health of a node on ``/diagnostics``, once a second.
 
     Parameters
     ----------
-    stage : Stage
+    node : NodeHooks
         The node to report on.
 
     """
 
-    def __init__(self, stage: 'Stage') -> None:
-        self._stage = stage
-        self._name = stage.get_fully_qualified_name()
-        self._publisher = stage.create_publisher(DiagnosticArray, '/diagnostics', DIAGNOSTICS)
+    def __init__(self, node: NodeHooks) -> None:
+        self._node = node
+        self._name = node.get_fully_qualified_name()
+        self._publisher = node.create_publisher(DiagnosticArray, '/diagnostics', DIAGNOSTICS)
         self._before: dict[str, int] = {}
         self._at_s = time.monotonic()
-        SteadyTimer(stage, self.show, lambda: 1.0 / _DIAGNOSTICS_S).update()
+        SteadyTimer(node, self.show, lambda: 1.0 / _DIAGNOSTICS_S).update()
 
     def show(self) -> None:
         """Publish the present health."""
-        stage = self._stage
-        counts = stage.counts()
+        node, state = self._node, self._node.run_state
+        counts = node.counts()
         now_s = time.monotonic()
         before, self._before = self._before, counts
         elapsed_s, self._at_s = now_s - self._at_s, now_s
         new = {name: count - before.get(name, 0) for name, count in counts.items()}
         values = {
-            'state': stage.activity, 'run': stage.run_number,
+            'state': state.activity, 'run': state.number,
             'rate_hz': round(max(new['samples'], 0) / elapsed_s, 1), **counts}
         troubles = [
-            f'{name.replace("_", " ")}: {counts[name]}' for name in stage.troubles
+            f'{name.replace("_", " ")}: {counts[name]}' for name in node.troubles
             if new.get(name, 0) > 0]
         waiting = [
             f'waiting for a reader of {writer.publisher.topic_name}'
-            for writer in stage.writers.values() if writer.is_waiting]
-        level, message = DiagnosticStatus.OK, stage.activity
-        if stage.failed:
-            level, message = DiagnosticStatus.ERROR, f'{stage.activity}: {stage.reason}'
+            for writer in node.writers.values() if writer.is_waiting]
+        level, message = DiagnosticStatus.OK, state.activity
+        if state.has_failed:
+            level, message = DiagnosticStatus.ERROR, f'{state.activity}: {state.reason}'
         elif troubles or waiting:
             level, message = DiagnosticStatus.WARN, '; '.join([*waiting, *troubles])
         array = DiagnosticArray(status=[DiagnosticStatus(
-            level=level, name=self._name, message=message, hardware_id=stage.get_namespace(),
+            level=level, name=self._name, message=message, hardware_id=node.get_namespace(),
             values=[KeyValue(key=key, value=str(value)) for key, value in values.items()])])
-        array.header.stamp = stage.get_clock().now().to_msg()
+        array.header.stamp = node.get_clock().now().to_msg()
         self._publisher.publish(array)

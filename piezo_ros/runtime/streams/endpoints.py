@@ -24,7 +24,7 @@ import struct
 import time
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +34,7 @@ from std_msgs.msg import Float64MultiArray
 
 from piezo_ros.runtime.process.running_time import RunningTime
 from piezo_ros.runtime.streams.outlet import Outlet
+from piezo_ros.runtime.streams.owner import StreamOwner
 from piezo_ros.runtime.streams.qos import STREAM
 from piezo_ros.runtime.streams.run_fence import RunFence
 from piezo_ros.runtime.streams.sample_queue import SampleQueue
@@ -45,9 +46,6 @@ from piezo_ros.streams import (
     OtherEncodingError,
     block_from_message_fields,
 )
-
-if TYPE_CHECKING:
-    from piezo_ros.runtime.node.stage import Stage
 
 __all__ = ['StreamFault', 'StreamReader', 'StreamWriter']
 
@@ -69,8 +67,8 @@ class StreamWriter:
 
     Parameters
     ----------
-    stage : Stage
-        Whose node publishes.
+    node : StreamOwner
+        The node that publishes.
     stream : str
         The stream.
     copy_samples : int
@@ -83,11 +81,11 @@ class StreamWriter:
 
     """
 
-    def __init__(self, stage: 'Stage', stream: str, copy_samples: int = 0) -> None:
+    def __init__(self, node: StreamOwner, stream: str, copy_samples: int = 0) -> None:
         self.stream = stream
-        self.outlet = Outlet(stage, stream)
+        self.outlet = Outlet(node, stream)
         self.publisher = self.outlet.publisher
-        self.copy = StreamCopy(stage, stream, copy_samples) if copy_samples else None
+        self.copy = StreamCopy(node, stream, copy_samples) if copy_samples else None
         self.next_index = 0
         self._codec = BlockCodec(stream)
         # A block of one sample is written over the one before: no bytes are put together for it.
@@ -204,8 +202,8 @@ class StreamReader:
 
     Parameters
     ----------
-    stage : Stage
-        Whose node subscribes.
+    node : StreamOwner
+        The node that subscribes.
     stream : str
         The stream.
     topic : str, optional
@@ -218,9 +216,9 @@ class StreamReader:
 
     """
 
-    def __init__(self, stage: 'Stage', stream: str, topic: str = '') -> None:
+    def __init__(self, node: StreamOwner, stream: str, topic: str = '') -> None:
         self.stream = stream
-        self.subscription = stage.create_stream_subscription(
+        self.subscription = node.create_stream_subscription(
             Float64MultiArray, topic or stream, STREAM)
         self.queue = SampleQueue()
         self.refused = 0
@@ -228,7 +226,7 @@ class StreamReader:
         self.next_index = 0
         self.ended = False
         self.raw = b''  # the newest message, nothing where there was none
-        self._stage = stage
+        self._node = node
         self._codec = BlockCodec(stream)
         self._single_head, numbers = self._codec.single
         self._single_size = len(self._single_head) + numbers.size
@@ -518,7 +516,7 @@ class StreamReader:
                 f'{topic} has the sample period {period_s!r} s, expected {self._period_s!r} s')
         if first:
             self._first = self.next_index = index
-            self._stage.begin_at(index)
+            self._node.begin_at(index)
         if index != self.next_index:
             self.gaps += 1
             raise StreamFault(
@@ -530,6 +528,6 @@ class StreamReader:
         now = time.monotonic()
         if now - self._warned > _WARN_S:
             self._warned = now
-            self._stage.get_logger().warning(
+            self._node.get_logger().warning(
                 f'refused a block on {self.subscription.topic_name} ({self.refused} so far): '
                 f'{reason}')

@@ -15,16 +15,14 @@
 """A publisher that drops nothing: it waits for a reader that does not take, and says so."""
 
 import time
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from std_msgs.msg import Float64MultiArray
 
+from piezo_ros.runtime.streams.owner import StreamOwner
 from piezo_ros.runtime.streams.qos import STREAM
-
-if TYPE_CHECKING:
-    from piezo_ros.runtime.node.stage import Stage
 
 __all__ = ['Outlet']
 
@@ -38,7 +36,7 @@ class Outlet:
 
     Parameters
     ----------
-    stage : Stage
+    node : StreamOwner
         The node that publishes.
     topic : str
         Relative name.
@@ -52,10 +50,10 @@ class Outlet:
 
     """
 
-    def __init__(self, stage: 'Stage', topic: str) -> None:
-        self.publisher = stage.create_stream_publisher(Float64MultiArray, topic, STREAM)
+    def __init__(self, node: StreamOwner, topic: str) -> None:
+        self.publisher = node.create_stream_publisher(Float64MultiArray, topic, STREAM)
         self.is_waiting = False
-        self._stage = stage
+        self._node = node
         self._is_best_effort = (
             self.publisher.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT)
         # It takes a bytearray as well, whatever its types say.
@@ -70,14 +68,14 @@ class Outlet:
             self.publish_patiently(raw, index)
 
     def publish_patiently(self, raw: bytes | bytearray, index: int) -> None:
-        """Wait for a reader, dropping nothing, unless the stage shall stop."""
+        """Wait for a reader, dropping nothing, unless the node shall stop."""
         warn_at = time.monotonic() + _PATIENCE_S
-        while not self._stage.stop_requested:
+        while not self._node.stop_requested:
             now = time.monotonic()
             if now >= warn_at:
                 warn_at = now + _WARN_S
                 self.is_waiting = True
-                self._stage.get_logger().warning(
+                self._node.get_logger().warning(
                     f'{self.publisher.topic_name} waits at sample {index} for a reader that does '
                     f'not take its messages: {self._reader_names()}')
             try:
@@ -113,5 +111,5 @@ class Outlet:
     def _readers(self, reliability: ReliabilityPolicy) -> list[Any]:
         return [
             endpoint for endpoint
-            in self._stage.get_subscriptions_info_by_topic(self.publisher.topic_name)
+            in self._node.get_subscriptions_info_by_topic(self.publisher.topic_name)
             if endpoint.qos_profile.reliability == reliability]

@@ -19,15 +19,11 @@ One more reader of a stream costs as much as the loop's own; a thousand samples 
 hardly anything.
 """
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from piezo_ros.runtime.streams.outlet import Outlet
+from piezo_ros.runtime.streams.owner import StreamOwner
 from piezo_ros.streams import BlockCodec
-
-if TYPE_CHECKING:
-    from piezo_ros.runtime.node.stage import Stage
 
 __all__ = ['StreamCopy', 'copy_topic']
 
@@ -43,7 +39,7 @@ class StreamCopy:
 
     Parameters
     ----------
-    stage : Stage
+    node : StreamOwner
         The node with that output.
     stream : str
         The stream.
@@ -59,8 +55,8 @@ class StreamCopy:
 
     """
 
-    def __init__(self, stage: 'Stage', stream: str, samples: int) -> None:
-        self.outlet = Outlet(stage, copy_topic(stream))
+    def __init__(self, node: StreamOwner, stream: str, samples: int) -> None:
+        self.outlet = Outlet(node, copy_topic(stream))
         self.recent = np.zeros(samples)
         self.due = samples
         self._codec = BlockCodec(stream)

@@ -32,7 +32,7 @@ from std_msgs.msg import Float64MultiArray
 
 from piezo_ros.model.compiled import brief_kernel
 from piezo_ros.model.step import step
-from piezo_ros.runtime.node.stage import Stage
+from piezo_ros.runtime.node.loop_node import LoopNode
 from piezo_ros.runtime.streams.endpoints import StreamReader, StreamWriter
 
 __all__ = ['Relay', 'RelayedElement']
@@ -126,7 +126,7 @@ class Relay:
 
     Parameters
     ----------
-    node : Stage
+    node : LoopNode
         Whose streams they are.
     reader, writer : StreamReader, StreamWriter
         The stream and its answers; a run has begun on both.
@@ -139,7 +139,7 @@ class Relay:
     """
 
     def __init__(
-        self, node: Stage, reader: StreamReader, writer: StreamWriter, element: RelayedElement,
+        self, node: LoopNode, reader: StreamReader, writer: StreamWriter, element: RelayedElement,
         other: Callable[[], bool],
     ) -> None:
         self._node = node

@@ -12,33 +12,24 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""
-Starts the node graph of one run as processes, watches it, and ends it whatever happens.
+"""A node graph for every run of a plan: its processes are started, watched and ended."""
 
-Every process is told the process that started it and ends with it, so that nothing is left behind
-even when this process is killed.
-"""
-
-import json
 import signal
 import time
 from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import Any, Final
 
-import yaml
-from std_msgs.msg import String
-
 from piezo_ros.experiment.campaign import RunResult
 from piezo_ros.experiment.errors import CampaignError
 from piezo_ros.experiment.plan import PlannedRun
-from piezo_ros.live.process_group import POLL_S, ProcessGroup
+from piezo_ros.live.process_group import POLL_S
 from piezo_ros.live.rescue import rescue
 from piezo_ros.live.run_parameters import run_parameters
 from piezo_ros.live.supervisor import Supervisor, stopped_by
 from piezo_ros.runtime.process.running_time import RunningTime
 
-__all__ = ['GraphRunner']
+__all__ = ['GraphPerRun']
 
 # How long a run must be for compiled steps to make up for the compiler's start: without feedback a
 # second's work of Python steps; with it, what the loop waits for the plant, which has the longest
@@ -49,18 +40,18 @@ _WORTH_COMPILING_LOOP: Final = 40_000
 _LAST_STATUS_S: Final = 5.0  # how long to wait for it once all is recorded
 
 
-class GraphRunner(Supervisor):
+class GraphPerRun:
     """
-    Does runs of a plan on live nodes.
+    Does each run of a plan on node processes of its own.
 
     Parameters
     ----------
+    supervisor : Supervisor
+        What starts and ends the processes.
     directory : Path
         Output directory; logs/ and parameters/ go below it.
-    namespace : str
-        Namespace of the nodes; of its own for every process by default.
     composed : bool
-        One process for the four stages in place of four.
+        One process for the four nodes of the loop in place of four.
     record : bool
         Whether a recorder writes the bag.
     progress : callable
@@ -69,10 +60,11 @@ class GraphRunner(Supervisor):
     """
 
     def __init__(
-        self, directory: Path, *, namespace: str = '', composed: bool = False, record: bool = True,
-        progress: Callable[[float], None] = lambda share: None,
+        self, supervisor: Supervisor, directory: Path, *, composed: bool = False,
+        record: bool = True, progress: Callable[[float], None] = lambda share: None,
     ) -> None:
-        super().__init__(directory, namespace)
+        self._supervisor = supervisor
+        self._directory = directory
         self._composed = composed
         self._record = record
         self._progress = progress
@@ -100,61 +92,47 @@ class GraphRunner(Supervisor):
             the bag.
 
         """
-        if self._stop_signal:
-            raise CampaignError(stopped_by(self._stop_signal))
+        supervisor = self._supervisor
+        if supervisor.stop_signal:
+            raise CampaignError(stopped_by(supervisor.stop_signal))
         logs = self._directory / 'logs' / planned.name
         logs.mkdir(parents=True)
-        run = _LiveRun(planned)
-        self._take_statuses()  # what is left of the run before
-        run.statuses.clear()
-        arguments = self._parameter_files(planned, bag)
-        stages = ['loop'] if self._composed and not planned.bare else planned.stages
-        names = [*(['recorder'] if self._record else []), *stages]
+        supervisor.begin_graph()
+        run = _LiveRun(supervisor, planned)
+        arguments = self._write_parameters(planned, bag)
+        nodes = ['loop'] if self._composed and not planned.bare else planned.stages
         try:
-            for name in names:
-                run.processes.start(name, arguments, logs / f'{name}.log')
-            while not (run.over() or run.processes.dead() or self._stop_signal):
+            for name in [*(['recorder'] if self._record else []), *nodes]:
+                supervisor.processes.start(name, arguments, logs / f'{name}.log')
+            while not (run.over() or supervisor.processes.dead() or supervisor.stop_signal):
                 self._follow(run)
                 time.sleep(POLL_S)
             self._follow(run)
             run.stop()
             self._follow(run)
         finally:
-            run.processes.kill()
+            supervisor.processes.kill()
         return self._result(run, bag, logs)
 
-    def _parameter_files(self, planned: PlannedRun, bag: Path) -> list[str]:
+    def _write_parameters(self, planned: PlannedRun, bag: Path) -> list[str]:
         """Write the parameter file of the run and return the arguments that load it."""
         path = self._directory / 'parameters' / f'{planned.name}.yaml'
-        sections = run_parameters(
+        return self._supervisor.write_parameters(path, run_parameters(
             planned, bag, record=self._record, autostart=True,
-            compiled=planned.stages if self._composed else _worth_compiling(planned), file=path)
-        path.parent.mkdir(exist_ok=True)
-        path.write_text(yaml.safe_dump({
-            f'{self._namespace}/{node}': {'ros__parameters': dict(values)}
-            for node, values in sections.items()}), encoding='utf-8')
-        return ['--ros-args', '-r', f'__ns:={self._namespace}', '--params-file', str(path)]
-
-    def _take_statuses(self) -> list[dict[str, Any]]:
-        statuses = []
-        while (taken := self._subscription.handle.take_message(String, False)) is not None:
-            statuses.append(json.loads(taken[0].data))
-        return statuses
+            compiled=planned.stages if self._composed else _worth_compiling(planned), file=path))
 
     def _follow(self, run: '_LiveRun') -> None:
-        for status in self._take_statuses():
-            run.statuses[status['node']] = status
-        plant, total = run.statuses.get('plant', {}), run.planned.trajectory.samples
-        self._progress(min(1.0, plant.get('index', 0) / total))
+        self._supervisor.take_statuses()
+        self._progress(run.share_done)
 
     def _result(self, run: '_LiveRun', bag: Path, logs: Path) -> RunResult:
-        notes: list[str] = []
-        notes += rescue(bag)
-        problems = run.problems(stopped=bool(self._stop_signal))
-        if self._stop_signal:
-            problems.insert(0, stopped_by(self._stop_signal))
+        notes = rescue(bag)
+        stop_signal = self._supervisor.stop_signal
+        problems = run.problems(stopped=bool(stop_signal))
+        if stop_signal:
+            problems.insert(0, stopped_by(stop_signal))
         if problems:
-            voltage_v = run.statuses.get('plant', {}).get('voltage_v')
+            voltage_v = run.plant_status.get('voltage_v')
             if voltage_v is not None:
                 problems.append(f'the voltage deviation is {voltage_v:g} V')
             problems.append(f'logs: {logs}')
@@ -173,22 +151,22 @@ def _worth_compiling(planned: PlannedRun) -> Collection[str]:
 
 
 class _LiveRun:
-    """The processes of one run and what they said."""
+    """The processes of one run and what they have said of it."""
 
-    def __init__(self, planned: PlannedRun) -> None:
-        self.planned = planned
-        self.statuses: dict[str, dict[str, Any]] = {}
-        self.processes = ProcessGroup()
+    def __init__(self, supervisor: Supervisor, planned: PlannedRun) -> None:
+        self._planned = planned
+        self._statuses = supervisor.statuses
+        self._processes = supervisor.processes
         self._recorded: RunningTime | None = None  # since all is recorded
         self._stopped_early: dict[str, str] = {}
         self._faults_before_stop: list[str] = []
 
     def over(self) -> bool:
         """Return whether every stream has ended and is recorded."""
-        recorded = 'recorder' in self.processes
-        if recorded and self.processes.runs('recorder'):
+        recorded = 'recorder' in self._processes
+        if recorded and self._processes.runs('recorder'):
             return False
-        states = [self.statuses.get(stage, {}).get('state') for stage in self.planned.stages]
+        states = [self._statuses.get(node, {}).get('state') for node in self._planned.stages]
         if all(state in ('finished', 'faulted', 'stopped') for state in states):
             return True
         if not recorded:
@@ -198,49 +176,59 @@ class _LiveRun:
         return self._recorded.elapsed_s() > _LAST_STATUS_S
 
     @property
+    def plant_status(self) -> dict[str, Any]:
+        """The newest status of the plant, nothing before the first."""
+        return self._statuses.get('plant', {})
+
+    @property
+    def share_done(self) -> float:
+        """Share of the samples that the plant has answered, 0 … 1."""
+        return min(1.0, self.plant_status.get('index', 0) / self._planned.trajectory.samples)
+
+    @property
     def wall_seconds(self) -> float:
         """Wall-clock time from the first voltage to the last."""
-        return float(self.statuses.get('plant', {}).get('elapsed_s', 0.0))
+        return float(self.plant_status.get('elapsed_s', 0.0))
 
     def stop(self) -> None:
         """End every process, remembering which runs were over before and why."""
         self._faults_before_stop = self._faults()
         self._stopped_early = {
-            name: status['reason'] for name, status in self.statuses.items()
+            name: status['reason'] for name, status in self._statuses.items()
             # A node that has made others stop says why.
             if status['state'] == 'stopped' and not status['by_peer']}
-        self.processes.stop()
+        self._processes.stop()
 
     def problems(self, *, stopped: bool) -> list[str]:
         """Return what went wrong, the first failure only; the others follow from it."""
-        self.processes.dead()
+        self._processes.dead()
         # Told to end one after the other, some see their peers go before they are told themselves.
         faults = self._faults_before_stop if stopped else self._faults()
-        for name, code in self.processes.blamed.items():
+        for name, code in self._processes.blamed.items():
             if code < 0:
                 return [f'{name} was killed by {signal.Signals(-code).name}']
         # They were told to end from outside; that others had to fail then may be seen before.
-        for stage, reason in self._stopped_early.items():
-            name = stage if stage in self.processes else 'loop'
+        for node, reason in self._stopped_early.items():
+            name = node if node in self._processes else 'loop'
             return [f'{name} was stopped: {reason}', *faults]
-        for name in self.processes.blamed:
+        for name in self._processes.blamed:
             # A process that is told to end before its run is over fails, as it should.
             if not stopped or faults:
-                reason = self.statuses.get(name, {}).get('reason', '')
+                reason = self._statuses.get(name, {}).get('reason', '')
                 return [f'{name} failed' + (f': {reason}' if reason else ''), *faults]
         return [] if stopped else self._cut_short()
 
     def _cut_short(self) -> list[str]:
         """Return what shows that the run is not whole although no node says why."""
-        for status in self.statuses.values():
+        for status in self._statuses.values():
             if status['state'] == 'stopped':
                 return [f'{status["node"]} was stopped: {status["reason"]}']
-        plant, samples = self.statuses.get('plant', {}), self.planned.trajectory.samples
+        plant, samples = self.plant_status, self._planned.trajectory.samples
         if plant and plant['index'] < samples:
             return [f'the run ended after {plant["index"]} of {samples} samples']
         return []
 
     def _faults(self) -> list[str]:
         return [
-            f'{status["node"]}: {status["reason"]}' for status in self.statuses.values()
+            f'{status["node"]}: {status["reason"]}' for status in self._statuses.values()
             if status['state'] == 'faulted']

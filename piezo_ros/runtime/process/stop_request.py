@@ -1,0 +1,44 @@
+# Copyright 2026 piezo_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The signals that ask a process to end, remembered until its loop looks."""
+
+import signal
+from types import FrameType
+
+__all__ = ['StopRequest']
+
+
+class StopRequest:
+    """
+    Handler of SIGINT and SIGTERM that remembers which of them came last.
+
+    Attributes
+    ----------
+    signal_number : int
+        The signal, 0 until one has come.
+
+    """
+
+    def __init__(self) -> None:
+        self.signal_number = 0
+
+    def listen(self) -> None:
+        """Take SIGINT and SIGTERM from now on."""
+        signal.signal(signal.SIGINT, self)
+        signal.signal(signal.SIGTERM, self)
+
+    def __call__(self, signal_number: int, _frame: FrameType | None) -> None:
+        """Remember a signal."""
+        self.signal_number = signal_number
