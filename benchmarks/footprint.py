@@ -28,11 +28,11 @@ import yaml
 from rcl_interfaces.srv import GetParameters
 from std_msgs.msg import String
 
-from piezo_ros.experiment.errors import CampaignError
-from piezo_ros.experiment.plan import PlannedRun
 from piezo_ros.nodes.process_group import ProcessGroup
 from piezo_ros.nodes.run_parameters import run_parameters
 from piezo_ros.nodes.supervisor import Supervisor
+from piezo_ros.parameters.errors import CampaignError
+from piezo_ros.parameters.run import PlannedRun
 
 __all__ = ['Footprint', 'footprint', 'service_latency_ms', 'start_beside_peers_s']
 

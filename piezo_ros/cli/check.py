@@ -19,7 +19,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from piezo_ros.experiment.errors import PlanError
+from piezo_ros.parameters.errors import PlanError
 
 if TYPE_CHECKING:
     from piezo_ros.nodes.contract import Finding

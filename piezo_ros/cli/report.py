@@ -23,8 +23,8 @@ from typing import Any, Final
 from piezo_ros.bag import BagError, Recording, open_recording
 from piezo_ros.cli.loss import add_loss_option
 from piezo_ros.experiment.campaign import prepare_directory
-from piezo_ros.experiment.errors import PlanError
-from piezo_ros.experiment.provenance import software_versions
+from piezo_ros.parameters.errors import PlanError
+from piezo_ros.parameters.provenance import software_versions
 from piezo_ros.report import ScoredRun, score
 from piezo_ros.report.run_tables import text_table
 

@@ -22,9 +22,10 @@ from typing import Any
 
 from piezo_ros.bag import BagError
 from piezo_ros.cli.progress import Progress
-from piezo_ros.experiment.campaign import RunResult, prepare_directory, run_campaign
-from piezo_ros.experiment.errors import CampaignError, PlanError
-from piezo_ros.experiment.plan import Plan, PlannedRun, read_plan
+from piezo_ros.experiment.campaign import prepare_directory, run_campaign
+from piezo_ros.experiment.plan import Plan, read_plan
+from piezo_ros.parameters.errors import CampaignError, PlanError
+from piezo_ros.parameters.run import PlannedRun, RunResult
 from piezo_ros.report.run_tables import text_table
 
 __all__ = ['add_commands']

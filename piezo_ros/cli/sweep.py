@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from piezo_ros.cli.progress import Progress
-from piezo_ros.experiment.errors import CampaignError, PlanError
+from piezo_ros.parameters.errors import CampaignError, PlanError
 
 if TYPE_CHECKING:
     from piezo_ros.experiment.sweep import Engine

@@ -22,10 +22,11 @@ from typing import TYPE_CHECKING, Any, Final
 from piezo_ros import paper
 from piezo_ros.control import TrajectoryParameters
 from piezo_ros.experiment.automatic import AUTO
-from piezo_ros.experiment.errors import PlanError
-from piezo_ros.experiment.model_file import read_bound, read_dynamics, read_node_model
+from piezo_ros.experiment.model_file import read_bound, read_dynamics
 from piezo_ros.experiment.published import published_bound
 from piezo_ros.model import LinearDynamics
+from piezo_ros.parameters.errors import PlanError
+from piezo_ros.parameters.parameter_file import read_parameter_set
 
 if TYPE_CHECKING:
     from piezo_ros.identification.tuning.linear_plant import Bound, Model
@@ -160,7 +161,7 @@ def _tune(options: argparse.Namespace) -> int:
 def _objective(options: argparse.Namespace, model: 'Model') -> str | TrajectoryParameters:
     if options.objective != 'itae_scan' or not isinstance(model, LinearDynamics):
         return str(options.objective)
-    return read_node_model(options.model, 'trajectory', TrajectoryParameters).replaced(
+    return read_parameter_set(options.model, 'trajectory', TrajectoryParameters).replaced(
         sample_period_s=options.sample_period_s)
 
 

@@ -22,34 +22,17 @@ from pathlib import Path
 from typing import Any, Final
 
 from piezo_ros.bag import open_recording
-from piezo_ros.experiment.errors import CampaignError, PlanError
-from piezo_ros.experiment.plan import Plan, PlannedRun
-from piezo_ros.experiment.provenance import software_versions
+from piezo_ros.experiment.plan import Plan
+from piezo_ros.parameters.errors import CampaignError, PlanError
+from piezo_ros.parameters.provenance import software_versions
+from piezo_ros.parameters.run import PlannedRun, RunResult
 from piezo_ros.report import ScoredRun, score
 
-__all__ = ['PLAN_COPY', 'Campaign', 'RunResult', 'prepare_directory', 'run_campaign']
+__all__ = ['PLAN_COPY', 'Campaign', 'prepare_directory', 'run_campaign']
 
 # Only what bears this name is ever deleted: a plan.yaml of the user's own may lie anywhere.
 _MARKER: Final = '.piezo_output'
 PLAN_COPY: Final = 'plan.yaml'
-
-
-@dataclass(frozen=True)
-class RunResult:
-    """
-    How one run went.
-
-    Attributes
-    ----------
-    wall_seconds : float
-        Wall-clock time from the first sample to the last, without start-up.
-    notes : tuple of str
-        What a reader of the report should know.
-
-    """
-
-    wall_seconds: float
-    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -30,11 +30,12 @@ from numpy.typing import NDArray
 
 from piezo_ros import paper
 from piezo_ros.bag import Run
+from piezo_ros.bag.recorded_node import recorded_parameters
 from piezo_ros.control import ControllerParameters, TrajectoryParameters
 from piezo_ros.experiment.automatic import known_rig
-from piezo_ros.experiment.plan import PlannedRun, plan_run
+from piezo_ros.experiment.plan import plan_run
 from piezo_ros.experiment.published import published_bound
-from piezo_ros.experiment.recorded_models import recorded_parameters, recorded_response
+from piezo_ros.experiment.recorded_models import recorded_response
 from piezo_ros.experiment.tracking_table import SCHEMES, table_cells
 from piezo_ros.identification import (
     DynamicsFit,
@@ -53,6 +54,7 @@ from piezo_ros.identification import (
 from piezo_ros.identification.tuning.loop_shape import LoopShape, loop_shape
 from piezo_ros.identification.tuning.pi_tuning import PiTuning, tune_pi
 from piezo_ros.model import HysteresisParameters, LinearDynamics, RigParameters
+from piezo_ros.parameters.run import PlannedRun
 from piezo_ros.report.metrics import Nonlinearity, nonlinearity, nrmse, tail
 
 __all__ = ['Crossing', 'HarmonicsTrial', 'PaperResults', 'StaticLoop', 'run_paper_study']

@@ -17,28 +17,25 @@
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, TypeVar
 
-from piezo_ros.control import ControllerParameters, TrajectoryParameters
-from piezo_ros.control.changes import Change, changes_text, parse_changes, segments
+from piezo_ros.control.changes import changes_text, segments
 from piezo_ros.control.waveform import EXCITATIONS
 from piezo_ros.experiment.automatic import AUTO, KNOWN_STAGES, known_rig, predict
-from piezo_ros.experiment.errors import PlanError
 from piezo_ros.experiment.model_file import read_bound
-from piezo_ros.experiment.node_parameters import check_node_parameters
-from piezo_ros.experiment.parameter_file import read_parameter_file, read_yaml
-from piezo_ros.model import HysteresisParameters, ParameterError, ParameterSet, RigParameters
+from piezo_ros.model import ParameterError, ParameterSet, RigParameters
+from piezo_ros.parameters.errors import PlanError
+from piezo_ros.parameters.node_parameters import LOOP_NODES, check_node_parameters
+from piezo_ros.parameters.parameter_file import read_parameter_file, read_yaml
+from piezo_ros.parameters.run import PlannedRun
 
 if TYPE_CHECKING:
-    from piezo_ros.identification import OperatingPoint
     from piezo_ros.identification.tuning.linear_plant import Bound
 
-__all__ = ['STAGES', 'STUDIES', 'Known', 'Plan', 'PlannedRun', 'plan_run', 'read_plan']
+__all__ = ['STUDIES', 'Known', 'Plan', 'plan_run', 'read_plan']
 
 _Set = TypeVar('_Set', bound=ParameterSet)
-STAGES: Final = ('compensator', 'controller', 'plant', 'trajectory')
 FORMAT_VERSION: Final = 1
 _PLAN_KEYS: Final = (
     'format_version', 'title', 'parameter_files', 'known_rig_files', 'uncertainty_bound_file',
@@ -62,62 +59,6 @@ _SHORT_KEYS: Final = {
     'settle_s': 'trajectory',
 }
 _CHANGES: Final = 'changes'
-
-
-@dataclass(frozen=True)
-class PlannedRun:
-    """
-    One run.
-
-    Attributes
-    ----------
-    name : str
-        Name of its directories, unique within the plan.
-    parameters : mapping of str to mapping
-        Stage (node name) to all of its parameters.
-    prediction : OperatingPoint or None
-        What was decided for the run and why, where its scheme or harmonics were ``auto``.
-
-    """
-
-    name: str
-    parameters: Mapping[str, Mapping[str, Any]]
-    prediction: 'OperatingPoint | None' = None
-
-    @property
-    def bare(self) -> bool:
-        """Whether the trajectory drives the amplifier itself."""
-        return bool(self.parameters['trajectory']['output'] == 'voltage')
-
-    @property
-    def stages(self) -> tuple[str, ...]:
-        """The stages that take part."""
-        return ('plant', 'trajectory') if self.bare else STAGES
-
-    @cached_property
-    def plant(self) -> RigParameters:
-        """The rig."""
-        return RigParameters.among(self.parameters['plant'])
-
-    @cached_property
-    def compensator(self) -> HysteresisParameters:
-        """The hysteresis that the compensator inverts."""
-        return HysteresisParameters.among(self.parameters['compensator'])
-
-    @cached_property
-    def controller(self) -> ControllerParameters:
-        """Gains and scheme."""
-        return ControllerParameters.among(self.parameters['controller'])
-
-    @property
-    def changes(self) -> tuple[Change, ...]:
-        """Changes of gains and scheme during the run."""
-        return parse_changes(self.parameters['controller']['changes'])
-
-    @cached_property
-    def trajectory(self) -> TrajectoryParameters:
-        """The desired trajectory."""
-        return TrajectoryParameters.among(self.parameters['trajectory'])
 
 
 @dataclass(frozen=True)
@@ -206,9 +147,9 @@ def read_plan(path: Path) -> Plan:
     version = content.get('format_version')
     if version != FORMAT_VERSION:
         raise PlanError(f'{path}: format_version is {version!r}, only {FORMAT_VERSION} is known')
-    base = _read_sections(path, content, 'parameter_files', STAGES)
+    base = _read_sections(path, content, 'parameter_files', LOOP_NODES)
     if 'sample_period_s' in content:
-        for stage in STAGES:
+        for stage in LOOP_NODES:
             base[stage]['sample_period_s'] = content['sample_period_s']
     title = str(content.get('title', path.stem))
     if 'study' in content:
@@ -230,7 +171,7 @@ def read_plan(path: Path) -> Plan:
         where = f'{path}: run {number}'
         if not isinstance(entry, Mapping):
             raise PlanError(f'{where} is {entry!r}, it must be a mapping')
-        _refuse_unknown(where, entry, (*_SHORT_KEYS, *STAGES, _CHANGES))
+        _refuse_unknown(where, entry, (*_SHORT_KEYS, *LOOP_NODES, _CHANGES))
         for combination in _combinations(where, entry):
             combinations.append(combination)
             runs.append(plan_run(
@@ -312,9 +253,9 @@ def plan_run(
         As `read_plan`.
 
     """
-    values = {stage: dict(base[stage]) for stage in STAGES}
+    values = {stage: dict(base[stage]) for stage in LOOP_NODES}
     for key, value in entry.items():
-        if key in STAGES:
+        if key in LOOP_NODES:
             if not isinstance(value, Mapping):
                 raise PlanError(f'{where}: {key} is {value!r}, it must be a mapping of parameters')
             values[key].update(value)
@@ -324,8 +265,8 @@ def plan_run(
     if _CHANGES in entry:
         values['controller'][_CHANGES] = _changes(where, entry[_CHANGES])
     open_ = _take_out_automatic(values)
-    parameters = {stage: _check(where, stage, values[stage]) for stage in STAGES}
-    periods = {stage: parameters[stage]['sample_period_s'] for stage in STAGES}
+    parameters = {stage: _check(where, stage, values[stage]) for stage in LOOP_NODES}
+    periods = {stage: parameters[stage]['sample_period_s'] for stage in LOOP_NODES}
     if len(set(periods.values())) > 1:
         raise PlanError(f'{where}: sample_period_s differs between the nodes: {periods}')
     run = PlannedRun(name, parameters)

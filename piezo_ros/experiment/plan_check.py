@@ -20,8 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from piezo_ros.control import simulate, simulate_bare
-from piezo_ros.experiment.errors import PlanError
-from piezo_ros.experiment.plan import Plan, PlannedRun
+from piezo_ros.experiment.plan import Plan
+from piezo_ros.parameters.errors import PlanError
+from piezo_ros.parameters.run import PlannedRun
 
 __all__ = ['Demand', 'check_plan']
 

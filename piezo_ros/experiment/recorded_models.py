@@ -12,55 +12,28 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""From a recorded bag to what an identification needs: parameters of the nodes, responses."""
+"""Frequency responses out of recorded runs, for identification."""
 
 import dataclasses
 import math
-from typing import Final, TypeVar
+from typing import Final
 
 from piezo_ros.bag import BagError, Run
+from piezo_ros.bag.recorded_node import recorded_node, recorded_parameters
 from piezo_ros.control import TrajectoryParameters
 from piezo_ros.control.excitation import Window
 from piezo_ros.control.waveform import excitation_of
-from piezo_ros.experiment.roles import recorded_node
 from piezo_ros.identification import Amplifier, FrequencyResponse, frequency_response
 from piezo_ros.identification.response.frequency_response import ExcludedPoint
 from piezo_ros.model import (
     HysteresisParameters,
     MaxwellResistiveCapacitor,
-    ParameterSet,
     RigParameters,
 )
 
-__all__ = ['recorded_parameters', 'recorded_response']
+__all__ = ['recorded_response']
 
-_Set = TypeVar('_Set', bound=ParameterSet)
 _NOT_RECORDED: Final = 'the record does not hold it as a whole'
-
-
-def recorded_parameters(run: Run, role: str, parameter_set: type[_Set]) -> _Set:
-    """
-    Return the parameters that a node had in a run.
-
-    Parameters
-    ----------
-    run : Run
-        The run.
-    role : str
-        What the node is: one of `NODE_PARAMETERS`, whatever its name.
-    parameter_set : type of ParameterSet
-        Which of its parameters.
-
-    Raises
-    ------
-    BagError
-        If the bag does not hold the parameters of the node, or tells of several.
-
-    """
-    values = recorded_node(run, role, anywhere=True)
-    if values is None:
-        raise BagError(f'{run.path} does not hold the parameters of {role}')
-    return parameter_set.among(values)
 
 
 def recorded_response(

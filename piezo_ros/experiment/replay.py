@@ -27,11 +27,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from piezo_ros.bag import BagError, Run
+from piezo_ros.bag.recorded_node import recorded_node
 from piezo_ros.control import ClosedLoopRun, ControllerParameters, TrajectoryParameters
 from piezo_ros.control.changes import Change, parse_changes, segments, without
 from piezo_ros.control.trajectory import trajectory_blocks
 from piezo_ros.experiment.replay_loop import run_loop
-from piezo_ros.experiment.roles import recorded_node
 from piezo_ros.model import HysteresisParameters, ParameterError, ParameterSet, RigParameters
 
 __all__ = ['ReplayResult', 'replay']

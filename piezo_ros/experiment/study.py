@@ -21,12 +21,13 @@ from pathlib import Path
 from typing import Any
 
 from piezo_ros.bag import Run, read
-from piezo_ros.experiment.campaign import PLAN_COPY, RunResult, describe
+from piezo_ros.experiment.campaign import PLAN_COPY, describe
 from piezo_ros.experiment.paper_study import PaperResults, run_paper_study
-from piezo_ros.experiment.plan import Plan, PlannedRun
-from piezo_ros.experiment.provenance import software_versions
+from piezo_ros.experiment.plan import Plan
 from piezo_ros.experiment.study_page import write_study_page
 from piezo_ros.experiment.study_record import study_record
+from piezo_ros.parameters.provenance import software_versions
+from piezo_ros.parameters.run import PlannedRun, RunResult
 
 __all__ = ['run_study']
 

@@ -31,9 +31,9 @@ from typing import Any, Final
 import numpy as np
 
 from piezo_ros.experiment.campaign import PLAN_COPY, prepare_directory
-from piezo_ros.experiment.errors import CampaignError, PlanError
 from piezo_ros.experiment.offline import compile_loop, simulated_streams, write_run
 from piezo_ros.experiment.sweep_plan import SweepPlan
+from piezo_ros.parameters.errors import CampaignError, PlanError
 from piezo_ros.report.files import write_atomically
 from piezo_ros.report.metrics import nrmse, tail
 

@@ -24,9 +24,9 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from typing import Any, Final
 
-from piezo_ros.experiment.errors import CampaignError
 from piezo_ros.experiment.sweep import Engine, SweepWork, do_runs
 from piezo_ros.matrix_threads import ONE_THREAD
+from piezo_ros.parameters.errors import CampaignError
 
 __all__ = ['dask_engine', 'local_engine']
 

@@ -21,9 +21,10 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from piezo_ros.experiment.distribution import Distribution, read_distribution
-from piezo_ros.experiment.errors import PlanError
-from piezo_ros.experiment.node_parameters import check_node_parameters, parameter_names
-from piezo_ros.experiment.plan import STAGES, Known, Plan, PlannedRun, plan_run
+from piezo_ros.experiment.plan import Known, Plan, plan_run
+from piezo_ros.parameters.errors import PlanError
+from piezo_ros.parameters.node_parameters import LOOP_NODES, check_node_parameters, parameter_names
+from piezo_ros.parameters.run import PlannedRun
 
 __all__ = ['SweepPlan', 'read_sweep']
 
@@ -111,9 +112,9 @@ class SweepPlan:
 
         """
         draw, which = divmod(number, len(self.entries))
-        entry = {key: value for key, value in self.entries[which].items() if key not in STAGES}
+        entry = {key: value for key, value in self.entries[which].items() if key not in LOOP_NODES}
         sections = {
-            stage: dict(self.entries[which].get(stage, {})) for stage in STAGES}
+            stage: dict(self.entries[which].get(stage, {})) for stage in LOOP_NODES}
         for name, value in self.drawn(number).items():
             stage, _, parameter = name.partition('.')
             sections[stage][parameter] = value
@@ -182,10 +183,10 @@ def _distributions(where: str, content: Any) -> dict[str, Distribution]:
     found = {}
     for name, value in content.items():
         stage, _, parameter = str(name).partition('.')
-        if stage not in STAGES or parameter not in parameter_names(stage):
+        if stage not in LOOP_NODES or parameter not in parameter_names(stage):
             raise PlanError(
                 f'{where}: parameters of sweep: {name!r} is no parameter of '
-                f'{", ".join(STAGES)}, as in plant.gain_mismatch')
+                f'{", ".join(LOOP_NODES)}, as in plant.gain_mismatch')
         try:
             found[str(name)] = read_distribution(value)
         except ValueError as error:

@@ -33,7 +33,6 @@ from piezo_ros.control.controller import (
     recall_measurement,
 )
 from piezo_ros.control.stepping import PackedController
-from piezo_ros.experiment.node_parameters import DemandParameters
 from piezo_ros.model.parameters import ParameterError
 from piezo_ros.nodes.bursts import BURST_BLOCKS, BlockBuffer, publish_blocks
 from piezo_ros.nodes.demand import DemandWriter
@@ -41,6 +40,7 @@ from piezo_ros.nodes.law_schedule import NEVER, LawSchedule
 from piezo_ros.nodes.parameters import read
 from piezo_ros.nodes.stage import Stage
 from piezo_ros.nodes.streams import StreamFault, StreamReader
+from piezo_ros.parameters.node_parameters import DemandParameters
 
 if TYPE_CHECKING:
     from piezo_ros.nodes.relay import Relay

@@ -29,14 +29,13 @@ from typing import Any, Final
 import yaml
 from std_msgs.msg import String
 
-from piezo_ros.experiment.campaign import RunResult
-from piezo_ros.experiment.errors import CampaignError
-from piezo_ros.experiment.plan import PlannedRun
 from piezo_ros.nodes.process_group import POLL_S, ProcessGroup
 from piezo_ros.nodes.rescue import rescue
 from piezo_ros.nodes.run_parameters import run_parameters
 from piezo_ros.nodes.running_time import RunningTime
 from piezo_ros.nodes.supervisor import Supervisor, stopped_by
+from piezo_ros.parameters.errors import CampaignError
+from piezo_ros.parameters.run import PlannedRun, RunResult
 
 __all__ = ['GraphRunner']
 

@@ -22,12 +22,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from piezo_ros.control.demagnetisation import demagnetising_voltage
-from piezo_ros.experiment.node_parameters import (
-    BareParameters,
-    HistoryParameters,
-    PaceParameters,
-    SafetyParameters,
-)
 from piezo_ros.model.noise import NoiseSource
 from piezo_ros.model.rig import RigParameters, measure_step, rig_constants
 from piezo_ros.model.stepping import packed_memory, rig_stepper, saturated_samples
@@ -40,6 +34,12 @@ from piezo_ros.nodes.simulated_clock import SimulatedClock
 from piezo_ros.nodes.stage import Stage
 from piezo_ros.nodes.stream_node import ServiceRefusedError
 from piezo_ros.nodes.streams import StreamFault, StreamReader
+from piezo_ros.parameters.node_parameters import (
+    BareParameters,
+    HistoryParameters,
+    PaceParameters,
+    SafetyParameters,
+)
 
 if TYPE_CHECKING:
     from piezo_ros.nodes.relay import Relay

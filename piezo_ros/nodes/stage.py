@@ -33,20 +33,16 @@ from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
 from std_msgs.msg import String
 
-from piezo_ros.experiment.node_parameters import (
-    NODE_PARAMETERS,
-    StageParameters,
-    parameter_names,
-)
 from piezo_ros.nodes.guard import explain, guarded
 from piezo_ros.nodes.handshake import await_peers
 from piezo_ros.nodes.observation import Diagnostics, Monitor
 from piezo_ros.nodes.parameters import declare, names_by_change, plain, read
 from piezo_ros.nodes.qos import LATCHED
-from piezo_ros.nodes.role_parameters import parameter_files, role_parameters
 from piezo_ros.nodes.running_time import RunningTime
 from piezo_ros.nodes.stream_node import ServiceRefusedError, StreamNode
 from piezo_ros.nodes.streams import StreamFault, StreamReader, StreamWriter
+from piezo_ros.parameters.node_parameters import NODE_PARAMETERS, StageParameters, parameter_names
+from piezo_ros.parameters.role_parameters import parameter_files, role_parameters
 
 __all__ = ['Stage']
 

@@ -35,7 +35,6 @@ from rclpy.subscription import Subscription
 from std_msgs.msg import Float64MultiArray
 
 from piezo_ros.bag import STREAMS
-from piezo_ros.experiment.node_parameters import StampedParameters
 from piezo_ros.nodes.distribution import make_events_executor, name_of_distribution
 from piezo_ros.nodes.guard import explain, guard_services
 from piezo_ros.nodes.leaving import exit_after
@@ -44,6 +43,7 @@ from piezo_ros.nodes.observation import newest_topic
 from piezo_ros.nodes.parameters import declare, read
 from piezo_ros.nodes.qos import NEWEST, overridable
 from piezo_ros.nodes.steady_timer import SteadyTimer
+from piezo_ros.parameters.node_parameters import StampedParameters
 from piezo_ros.streams import MalformedBlockError, block_from_message_fields
 
 __all__ = ['Sample', 'Stamped', 'joint_state_fields', 'main', 'newest_sample', 'time_of']

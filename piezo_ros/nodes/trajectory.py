@@ -17,11 +17,11 @@
 from typing import Any
 
 from piezo_ros.control.trajectory import TrajectoryParameters, trajectory_blocks
-from piezo_ros.experiment.node_parameters import BlockParameters
 from piezo_ros.nodes.bursts import BURST_BLOCKS
 from piezo_ros.nodes.demand import NO_MORE, DemandReader
 from piezo_ros.nodes.parameters import read
 from piezo_ros.nodes.stage import Stage
+from piezo_ros.parameters.node_parameters import BlockParameters
 
 __all__ = ['Trajectory']
 

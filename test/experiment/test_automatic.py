@@ -27,7 +27,6 @@ from piezo_ros.control import (
     simulate_bare,
 )
 from piezo_ros.control.waveform import excitation_of
-from piezo_ros.experiment.errors import PlanError
 from piezo_ros.experiment.plan import plan_run, read_plan
 from piezo_ros.experiment.tracking_table import table_cells
 from piezo_ros.identification import (
@@ -38,6 +37,7 @@ from piezo_ros.identification import (
     merge,
 )
 from piezo_ros.model import HysteresisParameters, RigParameters
+from piezo_ros.parameters.errors import PlanError
 from piezo_ros.report.metrics import nrmse, tail
 
 MISMATCHES = [name for name in RigParameters().to_mapping() if name.endswith('_mismatch')]

@@ -19,11 +19,12 @@ import pytest
 
 from piezo_ros.bag import read
 from piezo_ros.control import simulate
-from piezo_ros.experiment.campaign import RunResult, prepare_directory, run_campaign
-from piezo_ros.experiment.errors import CampaignError, PlanError
+from piezo_ros.experiment.campaign import prepare_directory, run_campaign
 from piezo_ros.experiment.offline import simulate_run
 from piezo_ros.experiment.plan import read_plan
 from piezo_ros.paper import TABLE_4
+from piezo_ros.parameters.errors import CampaignError, PlanError
+from piezo_ros.parameters.run import RunResult
 
 KEYS = {
     'scheme': str, 'waveform': str, 'amplitude_um': float, 'frequency_hz': float,

@@ -17,9 +17,9 @@
 import pytest
 import yaml
 
-from piezo_ros.experiment.errors import PlanError
 from piezo_ros.experiment.plan import read_plan
 from piezo_ros.experiment.plan_check import check_plan
+from piezo_ros.parameters.errors import PlanError
 
 
 @pytest.fixture

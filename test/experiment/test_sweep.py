@@ -28,7 +28,6 @@ import numpy as np
 import pytest
 
 from piezo_ros.bag import read
-from piezo_ros.experiment.errors import CampaignError, PlanError
 from piezo_ros.experiment.plan import read_plan
 from piezo_ros.experiment.sweep import (
     SweepWork,
@@ -40,6 +39,7 @@ from piezo_ros.experiment.sweep import (
 )
 from piezo_ros.experiment.sweep_engines import dask_engine, local_engine
 from piezo_ros.experiment.sweep_plan import read_sweep
+from piezo_ros.parameters.errors import CampaignError, PlanError
 from piezo_ros.report import score
 
 PLAN = """\

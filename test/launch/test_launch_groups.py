@@ -28,7 +28,7 @@ from pathlib import Path
 
 import pytest
 
-from piezo_ros.experiment.launching import LAUNCH_FILES
+from piezo_ros.launching.arguments import LAUNCH_FILES
 
 ROOT = Path(__file__).parents[2]
 PATIENCE_S = 30.0

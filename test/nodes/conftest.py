@@ -27,7 +27,8 @@ import pytest
 import yaml
 
 from piezo_ros.bag import STREAMS
-from piezo_ros.experiment.launching import LAUNCH_FILES, node_processes
+from piezo_ros.launching.arguments import LAUNCH_FILES
+from piezo_ros.launching.processes import node_processes
 
 ROOT = Path(__file__).parents[2]
 PATIENCE_S = 90.0

@@ -26,7 +26,7 @@ import time
 import pytest
 
 from piezo_ros.bag import STREAMS, read
-from piezo_ros.experiment.node_parameters import NODE_PARAMETERS
+from piezo_ros.parameters.node_parameters import NODE_PARAMETERS
 
 HELD_S = 5.0
 NODES = ('recorder', 'compensator', 'controller', 'plant', 'trajectory')

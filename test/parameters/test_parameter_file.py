@@ -14,11 +14,11 @@
 
 import pytest
 
-from piezo_ros.experiment.errors import PlanError
-from piezo_ros.experiment.node_parameters import NODE_PARAMETERS, check_node_parameters
-from piezo_ros.experiment.parameter_file import read_parameter_file, read_yaml
-from piezo_ros.experiment.provenance import parameters_yaml, run_metadata
 from piezo_ros.model import ParameterError
+from piezo_ros.parameters.errors import PlanError
+from piezo_ros.parameters.node_parameters import NODE_PARAMETERS, check_node_parameters
+from piezo_ros.parameters.parameter_file import parameters_yaml, read_parameter_file, read_yaml
+from piezo_ros.parameters.provenance import run_metadata
 
 NODES = ('plant', 'controller')
 
@@ -51,6 +51,15 @@ def test_later_sections_add_to_earlier_ones_and_win(read):
     ) == {
         'plant': {'linger_s': 1, 'start_index': 2, 'c': 3},
         'controller': {'linger_s': 1, 'start_index': 1}}
+
+
+def test_sections_may_be_written_into_their_namespaces(read):
+    assert read('rig: {lab: {plant: {ros__parameters: {seed: 3}}}}') == {'plant': {'seed': 3}}
+
+
+def test_a_section_that_lies_in_itself_is_refused(read):
+    with pytest.raises(PlanError, match="'rig' has no mapping ros__parameters"):
+        read('rig: &all {lab: *all}')
 
 
 def test_other_nodes_are_left_out(read):

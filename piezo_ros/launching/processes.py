@@ -13,62 +13,31 @@
 # limitations under the License.
 
 """
-What the launch files start, and what ends with what.
+The processes that the launch files start, and which of them end when one has ended.
 
-Their arguments, the node executables that follow from them, and whose end ends the others. The
-launch files themselves only hand this over to `launch`, so that it can be checked, documented
-and tried without it.
+The launch files only hand these over to `launch`, so that they can be checked and tried without it.
 """
 
-import dataclasses
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import yaml
 
-from piezo_ros.experiment.node_parameters import NODE_PARAMETERS, check_node_parameters
-from piezo_ros.experiment.parameter_file import read_parameter_file
+from piezo_ros.launching.arguments import PLANT_ARGUMENTS, SCAN_ARGUMENTS, value_text
 from piezo_ros.model import ParameterError
-from piezo_ros.model.parameters import constraint_of
+from piezo_ros.parameters.node_parameters import LOOP_NODES, check_node_parameters
+from piezo_ros.parameters.parameter_file import read_parameter_file
 
-__all__ = [
-    'LAUNCH_FILES',
-    'LaunchArgument',
-    'NodeProcess',
-    'given_arguments',
-    'node_processes',
-    'reason_to_end',
-]
+__all__ = ['NodeProcess', 'node_processes', 'reason_to_end']
 
-STAGES: Final = ('compensator', 'controller', 'plant', 'trajectory')
-_SCAN_PARAMETERS: Final = {
-    'scheme': 'controller',
-    'waveform': 'trajectory',
-    'amplitude_um': 'trajectory',
-    'frequency_hz': 'trajectory',
-    'harmonics': 'trajectory',
-    'periods': 'trajectory',
-    'ramp_periods': 'trajectory',
-}
 _FILES: Final = {
     'plant': 'rig_file',
     'compensator': 'compensator_file',
     'controller': 'controller_file',
     'trajectory': 'trajectory_file',
 }
-_PLANT_PARAMETERS: Final = ('realtime_factor', 'publish_clock')
-_TRUE_FALSE: Final = ('true', 'false')
 _UNTIL_TOLD_S: Final = -1.0
-
-
-class LaunchArgument(NamedTuple):
-    """One argument of a launch file, as ``ros2 launch … --show-args`` shows it."""
-
-    name: str
-    default: str
-    description: str
-    choices: tuple[str, ...] = ()
 
 
 class NodeProcess(NamedTuple):
@@ -105,77 +74,6 @@ class NodeProcess(NamedTuple):
         return tuple(words)
 
 
-def _of_parameter(node: str, name: str, *, else_of_file: bool = False) -> LaunchArgument:
-    """
-    Return the argument that sets a parameter.
-
-    Parameters
-    ----------
-    node : str
-        A node that has the parameter.
-    name : str
-        Name of parameter and argument.
-    else_of_file : bool
-        Whether the parameter is by default what the parameter file of the node says; else it is
-        what the node has by itself, whatever the file says.
-
-    """
-    for parameter_set in NODE_PARAMETERS[node]:
-        for field in dataclasses.fields(parameter_set):
-            if field.name == name:
-                constraint = constraint_of(field)
-                unit = f' [{constraint.unit}]' if constraint.unit else ''
-                choices = constraint.choices or (
-                    _TRUE_FALSE if isinstance(field.default, bool) else ())
-                default, description = _text(field.default), constraint.description + unit
-                if else_of_file:
-                    default, description = '', (
-                        f'{description}; empty: what a parameter file says, else {default}')
-                return LaunchArgument(name, default, description, choices)
-    raise LookupError(f'{node} has no parameter {name}')
-
-
-def _text(value: Any) -> str:
-    return str(value).lower() if isinstance(value, bool) else str(value)
-
-
-_COMMON: Final = (
-    LaunchArgument(
-        'namespace', '', 'namespace of all nodes; a rig of its own in each; a relative one goes '
-        'into the namespace that an enclosing launch file has pushed'),
-    LaunchArgument('rig_file', 'rig.yaml', 'parameter file of the plant'),
-    LaunchArgument('compensator_file', 'compensator.yaml', 'parameter file of the compensator'),
-    LaunchArgument('controller_file', 'controller.yaml', 'parameter file of the controller'),
-    LaunchArgument('trajectory_file', 'trajectory.yaml', 'parameter file of the trajectory'),
-    _of_parameter('plant', 'sample_period_s'),
-    LaunchArgument('record', 'false', 'start a recorder, and end with it', _TRUE_FALSE),
-    _of_parameter('recorder', 'bag_directory'),
-    _of_parameter('recorder', 'parameters_timeout_s'),
-    _of_parameter('plant', 'handshake_timeout_s', else_of_file=True),
-    LaunchArgument(
-        'ends', 'rig', 'what ends with the recorder, or with a node that fails: the other nodes of '
-        'this rig alone, or the whole launch', ('rig', 'launch')),
-    *(_of_parameter('plant', name) for name in _PLANT_PARAMETERS),
-    LaunchArgument(
-        'clock_topic', '/clock', 'where publish_clock publishes; only one rig may have /clock'),
-    _of_parameter('plant', 'autostart'),
-    LaunchArgument(
-        'log_level', 'info', 'what the nodes log', ('debug', 'info', 'warn', 'error', 'fatal')),
-)
-_WITHOUT: Final = LaunchArgument(
-    'without', '', 'nodes not to start, separated by commas: your own take their place')
-_SCAN: Final = tuple(_of_parameter(node, name) for name, node in _SCAN_PARAMETERS.items())
-_COMPOSED: Final = LaunchArgument(
-    'composed', 'false', 'the four stages in one process, compiled', _TRUE_FALSE)
-
-# Launch file -> its arguments. The parameter files are looked for in config/ by default.
-LAUNCH_FILES: Final[Mapping[str, tuple[LaunchArgument, ...]]] = {
-    'rig.launch.py': (*_COMMON, _WITHOUT),
-    'loop.launch.py': _COMMON,
-    'scan.launch.py': (*_SCAN, _COMPOSED, *_COMMON, _WITHOUT),
-}
-
-
 def node_processes(launch_file: str, values: Mapping[str, str]) -> list[NodeProcess]:
     """
     Return the processes that a launch file starts, readers before writers.
@@ -205,8 +103,8 @@ def node_processes(launch_file: str, values: Mapping[str, str]) -> list[NodeProc
     record = values['record'] == 'true'
     left_out = _left_out(values.get('without', ''), composed=composed)
     parameters = _parameters(launch_file, values, record=record)
-    stages = [stage for stage in STAGES if stage not in left_out]
-    names = [*(['recorder'] if record else []), *(['loop'] if composed else stages)]
+    nodes = ['loop'] if composed else [node for node in LOOP_NODES if node not in left_out]
+    names = [*(['recorder'] if record else []), *nodes]
     return [
         NodeProcess(
             name, _namespace(values['namespace']), _remappings(name, values, parameters),
@@ -233,22 +131,15 @@ def reason_to_end(executable: str, exit_code: int) -> str:
     return f'{executable} is done' if executable == 'recorder' else ''
 
 
-def given_arguments(launch_file: str, values: Mapping[str, str]) -> str:
-    """Return what was given other than by default, for the log: it tells whose values one got."""
-    return ', '.join(
-        f'{argument.name}:={values[argument.name]}' for argument in LAUNCH_FILES[launch_file]
-        if not argument.name.endswith('_file') and values[argument.name] != argument.default)
-
-
 def _left_out(text: str, *, composed: bool) -> list[str]:
     names = [name.strip() for name in text.split(',') if name.strip()]
     for name in names:
-        if name not in STAGES:
+        if name not in LOOP_NODES:
             raise ParameterError(
-                f'without has {name!r}, allowed are {", ".join(STAGES)}')
+                f'without has {name!r}, allowed are {", ".join(LOOP_NODES)}')
     if names and composed:
         raise ParameterError(
-            f'without is {text!r}, it must be empty with composed: one process holds all stages')
+            f'without is {text!r}, it must be empty with composed: one process holds all nodes')
     return names
 
 
@@ -260,15 +151,15 @@ def _parameters(
         name: _value(values[name])
         for name in ('sample_period_s', 'autostart', 'handshake_timeout_s') if values[name]}
     # With a recorder they stay until it has their parameters: it is what ends the launch.
-    stage = {'required_readers': 2, 'linger_s': _UNTIL_TOLD_S} if record else {}
+    recorded = {'required_readers': 2, 'linger_s': _UNTIL_TOLD_S} if record else {}
     parameters: dict[str, dict[str, Any]] = {
-        name: {**common, **stage} for name in STAGES}
+        name: {**common, **recorded} for name in LOOP_NODES}
     parameters['recorder'] = {
         **common, 'bag_directory': values['bag_directory'],
         'parameters_timeout_s': _value(values['parameters_timeout_s'])}
-    parameters['plant'] |= {name: _value(values[name]) for name in _PLANT_PARAMETERS}
+    parameters['plant'] |= {name: _value(values[name]) for name in PLANT_ARGUMENTS}
     if launch_file == 'scan.launch.py':
-        for name, node in _SCAN_PARAMETERS.items():
+        for name, node in SCAN_ARGUMENTS.items():
             parameters[node][name] = _value(values[name])
         # What the scheme auto decides by.
         for name in ('frequency_hz', 'amplitude_um'):
@@ -305,7 +196,7 @@ def _namespace(text: str) -> str:
 
 
 def _nodes_of(executable: str) -> tuple[str, ...]:
-    return STAGES if executable == 'loop' else (executable,)
+    return LOOP_NODES if executable == 'loop' else (executable,)
 
 
 def _remappings(
@@ -338,4 +229,4 @@ def _typed(value: Any) -> str:
     if isinstance(value, float):
         text = repr(value)
         return text if '.' in text else text.replace('e', '.0e') if 'e' in text else text
-    return _text(value)
+    return value_text(value)

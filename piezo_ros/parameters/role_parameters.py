@@ -20,15 +20,13 @@ that was renamed (``-r __node:=stage``) nothing of them would arrive, and it wou
 """
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from piezo_ros.experiment.parameter_file import read_yaml
+from piezo_ros.parameters.parameter_file import parameter_sections, read_yaml
 
 __all__ = ['parameter_files', 'role_parameters']
-
-_SECTION = 'ros__parameters'
 
 
 def parameter_files(arguments: Sequence[str]) -> list[Path]:
@@ -67,20 +65,10 @@ def role_parameters(role: str, namespace: str, files: Sequence[Path]) -> dict[st
     for file in files:
         content = read_yaml(file)
         if isinstance(content, Mapping):
-            for pattern, section in _sections('', content):
+            for pattern, section in parameter_sections(content):
                 if _pattern_of(pattern).fullmatch(name):
                     values.update(section)
     return values
-
-
-def _sections(prefix: str, content: Mapping[str, Any]) -> Iterator[tuple[str, Mapping[str, Any]]]:
-    """Yield the name of each section, with those it lies in, and its parameters."""
-    for key, value in content.items():
-        if key == _SECTION:
-            if isinstance(value, Mapping):
-                yield prefix, value
-        elif isinstance(value, Mapping):
-            yield from _sections(f'{prefix}/{str(key).strip("/")}', value)
 
 
 def _pattern_of(name: str) -> 're.Pattern[str]':

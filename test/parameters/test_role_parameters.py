@@ -18,8 +18,8 @@ from pathlib import Path
 
 import pytest
 
-from piezo_ros.experiment.errors import PlanError
-from piezo_ros.nodes.role_parameters import parameter_files, role_parameters
+from piezo_ros.parameters.errors import PlanError
+from piezo_ros.parameters.role_parameters import parameter_files, role_parameters
 
 
 @pytest.mark.parametrize(('pattern', 'arrives'), [

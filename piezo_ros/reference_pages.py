@@ -15,7 +15,7 @@
 """
 The pages of the documentation that are printed from the code: parameters and launch arguments.
 
-    python -m piezo_ros.experiment.reference_pages docs
+    python -m piezo_ros.reference_pages docs
 """
 
 import dataclasses
@@ -24,13 +24,13 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from piezo_ros.experiment.launching import LAUNCH_FILES, LaunchArgument
-from piezo_ros.experiment.node_parameters import (
+from piezo_ros.launching.arguments import LAUNCH_FILES, LaunchArgument
+from piezo_ros.model.parameters import CHANGES, Constraint, constraint_of
+from piezo_ros.parameters.node_parameters import (
     NODE_PARAMETERS,
     ONLOOKER_PARAMETERS,
     StageParameters,
 )
-from piezo_ros.model.parameters import CHANGES, Constraint, constraint_of
 
 __all__ = ['PAGES', 'launch_page', 'parameter_page']
 

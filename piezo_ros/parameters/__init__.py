@@ -12,14 +12,4 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Errors of plans and campaigns."""
-
-__all__ = ['CampaignError', 'PlanError']
-
-
-class PlanError(ValueError):
-    """A plan that cannot be run; the text names the file, the run, the key and its value."""
-
-
-class CampaignError(RuntimeError):
-    """A run that did not come to its end; the text says what happened and what is left."""
+"""The parameters of every node, of a whole run, and the ROS parameter files that hold them."""

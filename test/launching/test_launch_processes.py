@@ -19,16 +19,12 @@ from pathlib import Path
 
 import pytest
 
-from piezo_ros.experiment.errors import PlanError
-from piezo_ros.experiment.launching import (
-    LAUNCH_FILES,
-    STAGES,
-    given_arguments,
-    node_processes,
-    reason_to_end,
-)
-from piezo_ros.experiment.parameter_file import read_parameter_file
+from piezo_ros.launching.arguments import LAUNCH_FILES, given_arguments
+from piezo_ros.launching.processes import node_processes, reason_to_end
 from piezo_ros.model import ParameterError
+from piezo_ros.parameters.errors import PlanError
+from piezo_ros.parameters.node_parameters import LOOP_NODES
+from piezo_ros.parameters.parameter_file import read_parameter_file
 
 CONFIG = Path(__file__).parents[2] / 'config'
 
@@ -59,14 +55,14 @@ def parameters(words):
 
 
 @pytest.mark.parametrize(('launch_file', 'given', 'expected'), [
-    ('rig.launch.py', {}, [*STAGES]),
-    ('rig.launch.py', {'record': 'true'}, ['recorder', *STAGES]),
+    ('rig.launch.py', {}, [*LOOP_NODES]),
+    ('rig.launch.py', {'record': 'true'}, ['recorder', *LOOP_NODES]),
     ('rig.launch.py', {'without': 'plant'}, ['compensator', 'controller', 'trajectory']),
     ('rig.launch.py', {'without': 'plant, controller'}, ['compensator', 'trajectory']),
     ('loop.launch.py', {}, ['loop']),
     ('loop.launch.py', {'record': 'true'}, ['recorder', 'loop']),
     ('scan.launch.py', {'composed': 'true', 'record': 'true'}, ['recorder', 'loop']),
-    ('scan.launch.py', {}, [*STAGES]),
+    ('scan.launch.py', {}, [*LOOP_NODES]),
 ])
 def test_what_is_started_is_started_readers_first(launch_file, given, expected):
     assert [*processes(launch_file, **given)] == expected
@@ -107,7 +103,7 @@ def test_a_scan_sets_its_parameters_behind_the_files_and_each_node_gets_its_own(
 def test_with_a_recorder_every_stage_waits_for_it_and_stays_until_it_is_done():
     alone, recorded = processes('rig.launch.py'), processes(
         'rig.launch.py', record='true', bag_directory='there')
-    for stage in STAGES:
+    for stage in LOOP_NODES:
         assert 'required_readers' not in parameters(alone[stage])
         assert parameters(recorded[stage])['required_readers'] == '2'
         assert float(parameters(recorded[stage])['linger_s']) < 0.0
@@ -170,11 +166,11 @@ def test_the_log_tells_what_was_given_and_only_that():
 def test_one_process_takes_every_file_and_no_two_nodes_differ_in_a_name(launch_file):
     given = {} if launch_file == 'loop.launch.py' else {'composed': 'true'}
     composed = processes(launch_file, **given)['loop']
-    assert composed.count('--params-file') == len(STAGES)
+    assert composed.count('--params-file') == len(LOOP_NODES)
     own = parameters(composed)
     if launch_file == 'scan.launch.py':
         separate = processes(launch_file)
-        for stage in STAGES:
+        for stage in LOOP_NODES:
             assert parameters(separate[stage]).items() <= own.items()
 
 

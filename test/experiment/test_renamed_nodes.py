@@ -12,24 +12,23 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What nodes of any name are; runs of such nodes, on topics of any name, from bag to results."""
+"""Runs of nodes of any name, on topics of any name, from bag to results."""
 
 import numpy as np
 import pytest
 
 from piezo_ros.bag import STREAMS, BagError, BagWriter, open_recording, read, salvage
+from piezo_ros.bag.recorded_node import recorded_node, recorded_parameters
 from piezo_ros.control import ControllerParameters, TrajectoryParameters
-from piezo_ros.experiment.node_parameters import NODE_PARAMETERS, check_node_parameters
 from piezo_ros.experiment.offline import simulate_run
-from piezo_ros.experiment.parameter_file import read_parameter_file
 from piezo_ros.experiment.plan import read_plan
-from piezo_ros.experiment.provenance import parameters_yaml, run_metadata
-from piezo_ros.experiment.recorded_models import recorded_parameters, recorded_response
+from piezo_ros.experiment.recorded_models import recorded_response
 from piezo_ros.experiment.replay import replay
-from piezo_ros.experiment.roles import parameters_by_role, recorded_node, role_of, roles_of
 from piezo_ros.model import RigParameters
+from piezo_ros.parameters.parameter_file import parameters_yaml
+from piezo_ros.parameters.provenance import run_metadata
+from piezo_ros.parameters.roles import parameters_by_role
 
-COMPLETE = {role: check_node_parameters(role, {}) for role in NODE_PARAMETERS}
 NAMES = {
     'plant': 'stage1', 'controller': 'plant', 'compensator': 'inverse', 'trajectory': 'scan'}
 TOPICS = {
@@ -61,50 +60,6 @@ def write_renamed(path, run, planned, *, parameters=None):
             start, values = run.whole(stream)
             writer.write_block(stream, start, run.sample_period_s, values)
             writer.write_block(stream, values.size, run.sample_period_s, [])
-
-
-@pytest.mark.parametrize('role', NODE_PARAMETERS)
-def test_a_node_is_what_it_has_the_parameters_of(role):
-    assert role_of(COMPLETE[role]) == role
-    assert role_of({**COMPLETE[role], 'use_sim_time': False, 'gain_of_mine': 1.0}) == role
-    for name in COMPLETE[role]:
-        assert role_of({key: COMPLETE[role][key] for key in COMPLETE[role] if key != name}) is None
-
-
-def test_what_has_parameters_of_two_roles_is_neither():
-    assert role_of({**COMPLETE['plant'], **COMPLETE['controller']}) is None
-    assert role_of({}) is None
-
-
-def test_a_name_counts_only_where_no_parameters_tell():
-    nodes = {
-        '/rig/plant': COMPLETE['controller'], 'stage1': COMPLETE['plant'],
-        '/real/plant': {'serial_number': 5}, 'compensator': {}, '/other': {}}
-    assert roles_of(nodes) == {
-        '/rig/plant': 'controller', 'stage1': 'plant', '/real/plant': 'plant',
-        'compensator': 'compensator', '/other': 'other'}
-    assert parameters_by_role(nodes) == {
-        'controller': COMPLETE['controller'], 'plant': COMPLETE['plant'], 'compensator': {},
-        'other': {}}
-
-
-def test_of_two_nodes_with_one_role_nothing_is_said():
-    nodes = {'a': COMPLETE['plant'], 'b': COMPLETE['plant'], 'c': COMPLETE['controller']}
-    assert parameters_by_role(nodes) == {'controller': COMPLETE['controller']}
-
-
-def test_a_file_of_full_names_keeps_them(tmp_path):
-    path = tmp_path / 'file.yaml'
-    path.write_text(parameters_yaml('/rig', {'/other/a': {'x': 1}, 'b': {'x': 2}}))
-    assert path.read_text() == (
-        '/other/a:\n  ros__parameters:\n    x: 1\n/rig/b:\n  ros__parameters:\n    x: 2\n')
-
-
-def test_a_dump_of_a_renamed_node_is_read(tmp_path):
-    path = tmp_path / 'dump.yaml'
-    path.write_text(parameters_yaml('/rig', {'stage1': COMPLETE['plant'], 'other': {'seed': 3}}))
-    values = read_parameter_file(path, ['plant', 'compensator'])
-    assert values == {'plant': COMPLETE['plant']}
 
 
 def test_a_run_of_renamed_nodes_and_remapped_topics_is_replayed_bit_by_bit(

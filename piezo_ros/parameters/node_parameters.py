@@ -23,13 +23,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
-from piezo_ros.bag import STREAMS
 from piezo_ros.control import ControllerParameters, TrajectoryParameters
 from piezo_ros.control.changes import ChangeParameters
 from piezo_ros.model import HysteresisParameters, ParameterError, ParameterSet, RigParameters
 from piezo_ros.model.parameters import parameter
+from piezo_ros.streams import STREAMS
 
 __all__ = [
+    'LOOP_NODES',
     'NODE_PARAMETERS',
     'ONLOOKER_PARAMETERS',
     'BareParameters',
@@ -74,8 +75,9 @@ class StageParameters(ParameterSet):
     autostart: bool = parameter(
         True, '', 'configure and activate at start, without a lifecycle manager', change='start')
     linger_s: float = parameter(
-        1.0, 's', 'how long the process stays after its run, for whoever asks it for parameters or '
-        'status; negative: until it is told to end', minimum=-1.0, maximum=1e6, change='running')
+        1.0, 's', 'how long the process stays after its run, so that its parameters and status can '
+        'still be read; negative: until it is told to end',
+        minimum=-1.0, maximum=1e6, change='running')
     monitor_rate_hz: float = parameter(
         20.0, 'Hz', 'wall-clock rate of monitor/<stream>, the newest sample of each output; 0: off',
         minimum=0.0, maximum=100.0, change='running')
@@ -194,6 +196,8 @@ NODE_PARAMETERS: Final[Mapping[str, tuple[type[ParameterSet], ...]]] = {
         StageParameters),
     'trajectory': (TrajectoryParameters, BlockParameters, StageParameters),
 }
+# The nodes of the control loop: all of them but the recorder.
+LOOP_NODES: Final = ('compensator', 'controller', 'plant', 'trajectory')
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -212,7 +216,7 @@ class StampedParameters(ParameterSet):
         'sample; auto: simulated with use_sim_time, else wall',
         choices=('auto', 'simulated', 'wall'), change='start')
     joint: str = parameter(
-        'stage', '', 'name of the joint whose position a stream in um is', change='start')
+        'stage', '', 'name of the joint of which a stream in um is the position', change='start')
     frame_id: str = parameter('', '', 'frame_id of the header', change='start')
 
     def check_together(self) -> None:

@@ -20,14 +20,14 @@ from pathlib import Path
 import pytest
 
 from piezo_ros.bag import STREAMS
-from piezo_ros.experiment.node_parameters import (
+from piezo_ros.parameters.node_parameters import (
     NODE_PARAMETERS,
     ONLOOKER_PARAMETERS,
     parameter_names,
 )
-from piezo_ros.experiment.reference_pages import PAGES, main
+from piezo_ros.reference_pages import PAGES, main
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[1]
 MARKDOWN = [
     ROOT / 'README.md', *sorted((ROOT / 'docs').rglob('*.md'))]
 

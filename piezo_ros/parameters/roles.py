@@ -12,15 +12,14 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a node is, told by its parameters: its name may be any."""
+"""The role of a node, recognised by its parameters: its name may be any."""
 
 from collections.abc import Mapping
 from typing import Any, Final
 
-from piezo_ros.bag import BagError, Recording, Run
-from piezo_ros.experiment.node_parameters import NODE_PARAMETERS, parameter_names
+from piezo_ros.parameters.node_parameters import NODE_PARAMETERS, parameter_names
 
-__all__ = ['parameters_by_role', 'recorded_node', 'role_of', 'roles_of']
+__all__ = ['nodes_with_role', 'parameters_by_role', 'role_of', 'roles_of']
 
 _NAMES: Final = frozenset(name for role in NODE_PARAMETERS for name in parameter_names(role))
 
@@ -37,8 +36,8 @@ def role_of(parameters: Mapping[str, Any]) -> str | None:
     Returns
     -------
     str or None
-        The one of `NODE_PARAMETERS` all of whose parameters the node has, and none of the other
-        ones'; None if there is none.
+        The one of `NODE_PARAMETERS` of which the node has every parameter, and none of another
+        role; None if there is none.
 
     """
     # The plant has all that the compensator has: also one of another release, which is no plant of
@@ -88,52 +87,28 @@ def parameters_by_role(
     """
     by_role: dict[str, Mapping[str, Any]] = {}
     for role in dict.fromkeys(roles_of(parameters).values()):
-        nodes = _nodes_with(role, parameters)
+        nodes = nodes_with_role(role, parameters)
         if len(nodes) == 1:
             by_role[role] = parameters[nodes[0]]
     return by_role
 
 
-def recorded_node(
-    run: Run | Recording, role: str, *, anywhere: bool = False,
-) -> dict[str, Any] | None:
+def nodes_with_role(role: str, parameters: Mapping[str, Mapping[str, Any]]) -> list[str]:
     """
-    Return what a bag says of the node that had a role.
+    Return the nodes that have a role.
 
     Parameters
     ----------
-    run : Run or Recording
-        The run.
     role : str
-        One of `NODE_PARAMETERS`.
-    anywhere : bool, optional
-        Whether the only such node will do, where there is none in the namespace of the rig.
+        One of `NODE_PARAMETERS`, or the name of another node.
+    parameters : mapping of str to mapping
+        Node name to its parameters.
 
     Returns
     -------
-    dict of str to value or None
-        Its parameters; None if the bag says nothing of such a node.
-
-    Raises
-    ------
-    BagError
-        If several nodes in the namespace of the rig have this role.
+    list of str
+        The nodes with the parameters of that role; those with its name only if there are none.
 
     """
-    own = {
-        name: values for name, values in run.parameters.items()
-        if (name.rpartition('/')[0] or '/') == run.namespace}
-    nodes = _nodes_with(role, own)
-    if len(nodes) > 1:
-        raise BagError(
-            f'{run.path}: several nodes are the {role} by their parameters, the run had one: '
-            f'{", ".join(nodes)}')
-    if not nodes and anywhere:
-        nodes = _nodes_with(role, run.parameters)
-    return run.parameters[nodes[0]] if len(nodes) == 1 else None
-
-
-def _nodes_with(role: str, parameters: Mapping[str, Mapping[str, Any]]) -> list[str]:
-    """Return the nodes with a role; those by name alone only where no parameters tell."""
     nodes = [node for node, own in roles_of(parameters).items() if own == role]
     return [node for node in nodes if role_of(parameters[node])] or nodes

@@ -12,15 +12,13 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a bag says about the run it holds: metadata out of the parameters of the nodes."""
+"""What the metadata of a bag says about its run: settings of the nodes, versions of software."""
 
 from collections.abc import Mapping
 from importlib import metadata
 from typing import Any
 
-import yaml
-
-__all__ = ['parameters_yaml', 'run_metadata', 'software_versions']
+__all__ = ['run_metadata', 'software_versions']
 
 _DESCRIBING = {
     'controller': ('scheme',),
@@ -69,22 +67,3 @@ def run_metadata(parameters: Mapping[str, Mapping[str, Any]]) -> dict[str, str]:
     entries.update(
         (f'version.{name}', version) for name, version in software_versions().items() if version)
     return entries
-
-
-def parameters_yaml(namespace: str, parameters: Mapping[str, Mapping[str, Any]]) -> str:
-    """
-    Return a ROS parameter file of all nodes.
-
-    Parameters
-    ----------
-    namespace : str
-        Namespace of the nodes, '/' for none.
-    parameters : mapping of str to mapping
-        Node name to its parameters. A name that begins with '/' has its namespace with it.
-
-    """
-    prefix = namespace.rstrip('/')
-    return yaml.dump({
-        node if node.startswith('/') else f'{prefix}/{node}': {'ros__parameters': dict(values)}
-        for node, values in sorted(parameters.items())},
-        Dumper=getattr(yaml, 'CSafeDumper', yaml.SafeDumper), sort_keys=True)
