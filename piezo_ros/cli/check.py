@@ -127,7 +127,7 @@ def _check_plan(path: Path) -> int:
             f'piezo: {path} is neither {", ".join(STAGES)} nor a plan file', file=sys.stderr)
         return 2
     from piezo_ros.experiment.plan import read_plan
-    from piezo_ros.experiment.plan_check import check_plan
+    from piezo_ros.experiment.plan.rig_limits import check_plan
     try:
         demands = check_plan(read_plan(path))
     except PlanError as error:

@@ -241,7 +241,7 @@ def _with_picture(
 
 
 def _responses(options: argparse.Namespace, runs: list[Run]) -> 'list[FrequencyResponse]':
-    from piezo_ros.experiment.recorded_models import recorded_response
+    from piezo_ros.experiment.recorded_response import recorded_response
     played = options.trajectory or [None]
     if len(played) not in (1, len(runs)):
         raise ValueError(

@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final, TypeVar
 
 from piezo_ros.control import ControllerParameters, TrajectoryParameters
-from piezo_ros.experiment.automatic import AUTO, known_rig
+from piezo_ros.experiment.plan.automatic import AUTO, known_rig
 from piezo_ros.identification.prediction.operating_points import (
     OperatingPoint,
     feedback_table,

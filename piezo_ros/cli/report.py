@@ -22,7 +22,7 @@ from typing import Any, Final
 
 from piezo_ros.bag import BagError, Recording, open_recording
 from piezo_ros.cli.loss import add_loss_option
-from piezo_ros.experiment.campaign import prepare_directory
+from piezo_ros.experiment.output_directory import prepare_directory
 from piezo_ros.parameters.errors import PlanError
 from piezo_ros.parameters.provenance import software_versions
 from piezo_ros.report import ScoredRun, score

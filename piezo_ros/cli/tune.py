@@ -21,9 +21,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 from piezo_ros import paper
 from piezo_ros.control import TrajectoryParameters
-from piezo_ros.experiment.automatic import AUTO
 from piezo_ros.experiment.model_file import read_bound, read_dynamics
-from piezo_ros.experiment.published import published_bound
+from piezo_ros.experiment.plan.automatic import AUTO
 from piezo_ros.model import LinearDynamics
 from piezo_ros.parameters.errors import PlanError
 from piezo_ros.parameters.parameter_file import read_parameter_set
@@ -168,7 +167,7 @@ def _objective(options: argparse.Namespace, model: 'Model') -> str | TrajectoryP
 def _bound(path: Path | None) -> 'Bound | None':
     if path == _NO_BOUND:
         return None
-    return read_bound(path) if path else published_bound
+    return read_bound(path) if path else paper.uncertainty_magnitude
 
 
 def _table(shapes: 'dict[str, LoopShape]') -> str:

@@ -35,11 +35,8 @@ from piezo_ros.control.controller import (
     prepare_transfer,
 )
 from piezo_ros.control.controller import initial_state as initial_controller_state
-from piezo_ros.control.trajectory import (
-    TrajectoryParameters,
-    compiled_trajectory,
-    trajectory_blocks,
-)
+from piezo_ros.control.trajectory import TrajectoryParameters
+from piezo_ros.control.trajectory_blocks import compiled_trajectory, trajectory_blocks
 from piezo_ros.model.hysteresis import HysteresisParameters, hysteresis_constants, hysteresis_state
 from piezo_ros.model.noise import unit_noise
 from piezo_ros.model.rig import Rig, RigParameters, as_arrays, rig_constants

@@ -16,7 +16,8 @@
 
 from typing import Any
 
-from piezo_ros.control.trajectory import TrajectoryParameters, trajectory_blocks
+from piezo_ros.control.trajectory import TrajectoryParameters
+from piezo_ros.control.trajectory_blocks import trajectory_blocks
 from piezo_ros.nodes.bursts import BURST_BLOCKS
 from piezo_ros.nodes.demand import NO_MORE, DemandReader
 from piezo_ros.nodes.parameters import read

@@ -97,6 +97,23 @@ class PlannedRun:
         """The desired trajectory."""
         return TrajectoryParameters.among(self.parameters['trajectory'])
 
+    @property
+    def description(self) -> str:
+        """One line about the run."""
+        trajectory = self.trajectory
+        if self.bare:
+            return (
+                f'bare actuator: {trajectory.waveform} {trajectory.amplitude_v:g} V, '
+                f'{trajectory.frequency_hz:g} Hz, {trajectory.samples} samples')
+        # What follows during the run counts as much as what it begins with.
+        schemes = [self.controller.scheme, *(
+            f'{change.values.get("scheme", "other gains")} from sample {change.at_sample} on'
+            for change in self.changes)]
+        return (
+            f'{", ".join(schemes)}: {trajectory.waveform} {trajectory.amplitude_um:g} um, '
+            f'{trajectory.frequency_hz:g} Hz, m = {trajectory.harmonics}, '
+            f'{trajectory.samples} samples')
+
 
 @dataclass(frozen=True)
 class RunResult:

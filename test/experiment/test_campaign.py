@@ -19,8 +19,9 @@ import pytest
 
 from piezo_ros.bag import read
 from piezo_ros.control import simulate
-from piezo_ros.experiment.campaign import prepare_directory, run_campaign
+from piezo_ros.experiment.campaign import run_campaign
 from piezo_ros.experiment.offline import simulate_run
+from piezo_ros.experiment.output_directory import prepare_directory
 from piezo_ros.experiment.plan import read_plan
 from piezo_ros.paper import TABLE_4
 from piezo_ros.parameters.errors import CampaignError, PlanError

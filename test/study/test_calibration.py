@@ -14,7 +14,7 @@
 
 import pytest
 
-from piezo_ros.experiment.calibration import calibrate_rig
+from piezo_ros.study.calibration import calibrate_rig
 
 
 @pytest.mark.slow

@@ -20,8 +20,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
-from piezo_ros.experiment.distribution import Distribution, read_distribution
 from piezo_ros.experiment.plan import Known, Plan, plan_run
+from piezo_ros.experiment.sweep.distribution import Distribution, read_distribution
 from piezo_ros.parameters.errors import PlanError
 from piezo_ros.parameters.node_parameters import LOOP_NODES, check_node_parameters, parameter_names
 from piezo_ros.parameters.run import PlannedRun
@@ -42,17 +42,17 @@ class SweepPlan:
     where : str
         The file, for errors.
     base : mapping of str to mapping
-        Stage to the parameters of the parameter files.
+        Node to the parameters of the parameter files.
     entries : tuple of mapping
         The runs of the plan, without lists of alternatives.
     known : Known
-        What the plan tells of the rig beside its stages.
+        What the plan tells of the rig beside its nodes.
     score_periods : float
         Periods at the end of each run that are scored.
     draws, seed : int
         Number of draws, and their seed.
     distributions : mapping of str to Distribution
-        ``stage.name`` of a parameter to how it is drawn.
+        ``node.name`` of a parameter to how it is drawn.
 
     """
 
@@ -82,17 +82,17 @@ class SweepPlan:
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
     def drawn(self, number: int) -> dict[str, Any]:
-        """Return ``stage.name`` and value of what is drawn for a run."""
+        """Return ``node.name`` and value of what is drawn for a run."""
         draw, which = divmod(number, len(self.entries))
         values: dict[str, Any] = {}
         for name, distribution in self.distributions.items():
             base = None
             if distribution.relative:
-                stage, _, parameter = name.partition('.')
-                section = self.entries[which].get(stage, {})
-                base = section.get(parameter, self.base[stage].get(parameter))
+                node, _, parameter = name.partition('.')
+                section = self.entries[which].get(node, {})
+                base = section.get(parameter, self.base[node].get(parameter))
                 if base is None:
-                    base = check_node_parameters(stage, {})[parameter]
+                    base = check_node_parameters(node, {})[parameter]
             values[name] = distribution.draw(base, name, self.seed, draw)
         return values
 
@@ -114,10 +114,10 @@ class SweepPlan:
         draw, which = divmod(number, len(self.entries))
         entry = {key: value for key, value in self.entries[which].items() if key not in LOOP_NODES}
         sections = {
-            stage: dict(self.entries[which].get(stage, {})) for stage in LOOP_NODES}
+            node: dict(self.entries[which].get(node, {})) for node in LOOP_NODES}
         for name, value in self.drawn(number).items():
-            stage, _, parameter = name.partition('.')
-            sections[stage][parameter] = value
+            node, _, parameter = name.partition('.')
+            sections[node][parameter] = value
         return plan_run(
             self.base, {**sections, **entry}, where=f'{self.where}: run {number} (draw {draw})',
             number=number, known=self.known, score_periods=self.score_periods)
@@ -179,11 +179,11 @@ def _distributions(where: str, content: Any) -> dict[str, Distribution]:
     if not isinstance(content, Mapping) or not content:
         raise PlanError(
             f'{where}: parameters of sweep is {content!r}, it must be a mapping of '
-            '<stage>.<parameter> to a distribution')
+            '<node>.<parameter> to a distribution')
     found = {}
     for name, value in content.items():
-        stage, _, parameter = str(name).partition('.')
-        if stage not in LOOP_NODES or parameter not in parameter_names(stage):
+        node, _, parameter = str(name).partition('.')
+        if node not in LOOP_NODES or parameter not in parameter_names(node):
             raise PlanError(
                 f'{where}: parameters of sweep: {name!r} is no parameter of '
                 f'{", ".join(LOOP_NODES)}, as in plant.gain_mismatch')

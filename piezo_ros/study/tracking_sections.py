@@ -12,22 +12,22 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The sections of the study's page that speak of tracking: Tables 3 and 4, Fig. 10 and 11."""
+"""The sections of the study's page on tracking: Tables 3 and 4, Fig. 10 and 11."""
 
 import math
 from typing import Any
 
 from piezo_ros import paper
-from piezo_ros.experiment.paper_study import HarmonicsTrial, PaperResults
-from piezo_ros.experiment.study_content import Rows, known
-from piezo_ros.experiment.study_record import held_out, recommendations, within_published_band
-from piezo_ros.experiment.tracking_table import agreement, published_errors
 from piezo_ros.report.figures.crossing import CrossingRow, crossing_figure
 from piezo_ros.report.figures.harmonics import HarmonicsCurve, harmonics_figure
 from piezo_ros.report.figures.nrmse import TableCell, table_4_figure
 from piezo_ros.report.figures.tracking import error_figure, tracking_figure
 from piezo_ros.report.page.content import Cell, Column, Paragraph, Picture, Section, Table
 from piezo_ros.report.score import score
+from piezo_ros.study.page_elements import Rows, known
+from piezo_ros.study.record import held_out, recommendations, within_published_band
+from piezo_ros.study.results import HarmonicsTrial, PaperResults
+from piezo_ros.study.table_4 import agreement, published_errors
 
 __all__ = [
     'harmonics_section',

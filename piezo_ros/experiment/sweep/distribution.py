@@ -81,7 +81,7 @@ class Distribution:
         base : value
             What the run has otherwise.
         name : str
-            The parameter, as ``stage.name``.
+            The parameter, as ``node.name``.
         seed, number : int
             Seed of the sweep and number of the draw.
 

@@ -24,13 +24,13 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from typing import Any, Final
 
-from piezo_ros.experiment.sweep import Engine, SweepWork, do_runs
+from piezo_ros.experiment.sweep.work import Engine, SweepWork, do_runs
 from piezo_ros.matrix_threads import ONE_THREAD
 from piezo_ros.parameters.errors import CampaignError
 
 __all__ = ['dask_engine', 'local_engine']
 
-_MOST_ATTEMPTS: Final = 3  # of runs whose worker is killed again and again
+_MOST_ATTEMPTS: Final = 3  # of a batch, where its worker is killed each time
 
 _Batch = Sequence[int]
 _Take = Callable[[Sequence[Mapping[str, Any]]], None]
@@ -53,7 +53,7 @@ def local_engine(workers: int) -> Engine:
             pool.do(batches, take)
             pool.close()
         except BaseException:
-            # Nobody waits for what is running any more.
+            # No result is wanted any more.
             for child in set(multiprocessing.active_children()) - before:
                 child.kill()
             raise

@@ -17,7 +17,7 @@ import math
 import numpy as np
 import pytest
 
-from piezo_ros.experiment.distribution import read_distribution
+from piezo_ros.experiment.sweep.distribution import read_distribution
 
 
 def draws(content, base=None, count=2000, name='plant.x', seed=1):

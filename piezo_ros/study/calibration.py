@@ -27,14 +27,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import Bounds, differential_evolution
 
-from piezo_ros.experiment.tracking_table import (
+from piezo_ros.model import RigParameters
+from piezo_ros.study.table_4 import (
     Agreement,
     agreement,
     published_errors,
     table_cells,
     tracking_errors,
 )
-from piezo_ros.model import RigParameters
 
 __all__ = ['FITTED_ROWS_UM', 'HELD_OUT_ROWS_UM', 'RANGES', 'Calibration', 'calibrate_rig']
 

@@ -13,16 +13,14 @@
 # limitations under the License.
 
 """
-The whole of Liu 2015 from runs: which runs, in which order, and what is computed of them.
+The experiments of Liu 2015: which runs, in which order, and what is computed from them.
 
 First the runs that need no model of our own: static loops, identification, Tables 3 and 4 as
 published. Then the models are identified from their bags, and Table 4 is run again with these.
-The runs are done by whatever it is given: live nodes, or the same steps offline.
+A callable does the runs: on live nodes, or offline with the same steps.
 """
 
-import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
@@ -32,18 +30,15 @@ from piezo_ros import paper
 from piezo_ros.bag import Run
 from piezo_ros.bag.recorded_node import recorded_parameters
 from piezo_ros.control import ControllerParameters, TrajectoryParameters
-from piezo_ros.experiment.automatic import known_rig
 from piezo_ros.experiment.plan import plan_run
-from piezo_ros.experiment.published import published_bound
-from piezo_ros.experiment.recorded_models import recorded_response
-from piezo_ros.experiment.tracking_table import SCHEMES, table_cells
+from piezo_ros.experiment.plan.automatic import known_rig
+from piezo_ros.experiment.recorded_response import recorded_response
 from piezo_ros.identification import (
     DynamicsFit,
     FrequencyResponse,
     HysteresisFit,
     OperatingPoint,
     UncertaintyBound,
-    crossing_frequency_hz,
     equal_error_frequency_hz,
     fit_dynamics,
     fit_hysteresis,
@@ -51,13 +46,21 @@ from piezo_ros.identification import (
     predict_operating_points,
     uncertainty_bound,
 )
-from piezo_ros.identification.tuning.loop_shape import LoopShape, loop_shape
-from piezo_ros.identification.tuning.pi_tuning import PiTuning, tune_pi
+from piezo_ros.identification.tuning.loop_shape import loop_shape
+from piezo_ros.identification.tuning.pi_tuning import tune_pi
 from piezo_ros.model import HysteresisParameters, LinearDynamics, RigParameters
 from piezo_ros.parameters.run import PlannedRun
-from piezo_ros.report.metrics import Nonlinearity, nonlinearity, nrmse, tail
+from piezo_ros.report.metrics import nonlinearity, nrmse, tail
+from piezo_ros.study.results import (
+    Crossing,
+    HarmonicsTrial,
+    PaperResults,
+    StaticLoop,
+    known_frequency_hz,
+)
+from piezo_ros.study.table_4 import SCHEMES, table_cells
 
-__all__ = ['Crossing', 'HarmonicsTrial', 'PaperResults', 'StaticLoop', 'run_paper_study']
+__all__ = ['CREEP', 'run_experiments']
 
 Execute = Callable[[Sequence[PlannedRun]], Iterator[Run]]
 _Floats = NDArray[np.float64]
@@ -85,103 +88,7 @@ _OFFSETS_V: Final = (-1.5, -0.75, 0.0, 0.75, 1.5)
 _MOST_SENSITIVE: Final = 1.6
 
 
-@dataclass(frozen=True)
-class StaticLoop:
-    """One whole slow loop of input (V or um) and displacement, and its nonlinearity."""
-
-    input: _Floats
-    displacement_um: _Floats
-    nonlinearity: Nonlinearity
-
-
-@dataclass(frozen=True)
-class Crossing:
-    """
-    FF and FBFF errors of sines of one amplitude, and where they are equal.
-
-    Attributes
-    ----------
-    amplitude_um : float
-        Peak amplitude.
-    frequency_hz, ff_percent, fbff_percent : ndarray, shape (F,)
-        NRMSE under both schemes.
-    predicted_hz : float
-        Where the identified models foresee the crossing; NaN where none.
-    crossing_hz : float
-        Where the two are equal; NaN where they nowhere are.
-
-    """
-
-    amplitude_um: float
-    frequency_hz: _Floats
-    ff_percent: _Floats
-    fbff_percent: _Floats
-    predicted_hz: float = math.nan
-
-    @property
-    def crossing_hz(self) -> float:
-        """Frequency from which on feedback does harm, interpolated."""
-        crossing_hz = crossing_frequency_hz(
-            self.frequency_hz, self.ff_percent, self.fbff_percent)
-        return _known(crossing_hz)
-
-
-@dataclass(frozen=True)
-class HarmonicsTrial:
-    """
-    Feedforward alone with several numbers of harmonics, predicted and measured.
-
-    Attributes
-    ----------
-    point : OperatingPoint
-        The scan, with what was predicted and chosen.
-    harmonics : tuple of int
-        Highest harmonics m that were run.
-    measured_percent : tuple of float
-        Their NRMSE.
-
-    """
-
-    point: OperatingPoint
-    harmonics: tuple[int, ...]
-    measured_percent: tuple[float, ...]
-
-    @property
-    def predicted_percent(self) -> dict[int, float]:
-        """Predicted NRMSE of every m that was considered."""
-        return self.point.choices['ff'].predicted_nrmse_percent
-
-
-@dataclass(frozen=True)
-class PaperResults:
-    """Everything that the report of the study shows."""
-
-    uncompensated: StaticLoop
-    compensated: StaticLoop
-    compensated_identified: StaticLoop
-    compensated_creeping: StaticLoop
-    hysteresis: HysteresisFit
-    bare_responses: tuple[tuple[FrequencyResponse, ...], ...]  # by amplitude, slow and fast sweep
-    compensated_responses: tuple[FrequencyResponse, ...]  # behind the published inverse
-    identified_responses: tuple[FrequencyResponse, ...]  # behind the identified one
-    dynamics_published: DynamicsFit  # behind the published inverse
-    dynamics: DynamicsFit  # behind the identified one
-    uncertainty: UncertaintyBound
-    closed_loop: FrequencyResponse
-    loop_published: LoopShape
-    loop_identified: LoopShape
-    tuning: PiTuning
-    crossings: tuple[Crossing, ...]
-    cells: tuple[tuple[float, float], ...]
-    table_4_published: _Floats  # (30, 2), percent, FF and FBFF
-    table_4_identified: _Floats
-    table_4_automatic: _Floats
-    points: tuple[OperatingPoint, ...]  # (30,)
-    trials: tuple[HarmonicsTrial, ...]
-    scans: Mapping[str, Run]  # scheme -> 2.5 um triangle of 300 Hz
-
-
-def run_paper_study(
+def run_experiments(
     base: Mapping[str, Mapping[str, Any]], execute: Execute,
 ) -> PaperResults:
     """
@@ -190,7 +97,7 @@ def run_paper_study(
     Parameters
     ----------
     base : mapping of str to mapping
-        Stage to parameters: the rig, and the published compensator, controller and trajectory.
+        Node to parameters: the rig, and the published compensator, controller and trajectory.
     execute : callable
         Does runs and yields them as read from their bags, in order.
 
@@ -200,7 +107,7 @@ def run_paper_study(
         All results.
 
     """
-    study = _Study(base, execute)
+    study = _Experiments(base, execute)
     uncompensated, compensated = study.static_loops()
     hysteresis = study.hysteresis()
     inverse = {
@@ -235,11 +142,12 @@ def run_paper_study(
         uncertainty=bound, closed_loop=study.closed_loop(),
         loop_published=loop_shape(
             LinearDynamics(), law.proportional_gain, law.integral_gain_per_s,
-            bound=published_bound),
+            bound=paper.uncertainty_magnitude),
         loop_identified=loop_shape(
             LinearDynamics(dynamics_published.parameters), law.proportional_gain,
             law.integral_gain_per_s, sample_period_s=1e-5,
-            measurement_delay_samples=law.measurement_delay_samples, bound=published_bound),
+            measurement_delay_samples=law.measurement_delay_samples,
+            bound=paper.uncertainty_magnitude),
         tuning=tuning, crossings=study.crossings(known, bound), cells=cells,
         table_4_published=study.table_4('published', cells),
         table_4_identified=study.table_4('identified', cells, inverse, model),
@@ -247,16 +155,16 @@ def run_paper_study(
         points=points, trials=study.trials(points, inverse, model), scans=study.scans())
 
 
-class _Study:
+class _Experiments:
     """The runs of the study, group by group."""
 
     def __init__(self, base: Mapping[str, Mapping[str, Any]], execute: Execute) -> None:
         self._base = base
         self._execute = execute
 
-    def parameters(self, stage: str, parameter_set: type[Any]) -> Any:
-        """Return a parameter set of the published stages."""
-        return parameter_set.among(self._base[stage])
+    def parameters(self, node: str, parameter_set: type[Any]) -> Any:
+        """Return a parameter set of a node as published."""
+        return parameter_set.among(self._base[node])
 
     def static_loops(self) -> tuple[StaticLoop, StaticLoop]:
         """Return the loops of Fig. 5, without and with the published inverse model."""
@@ -345,7 +253,7 @@ class _Study:
                 compensator=compensator, uncertainty=bound)
             crossings.append(Crossing(
                 amplitude_um, np.array(_SINE_FREQUENCIES_HZ), errors[:, 0], errors[:, 1],
-                _known(predicted_hz)))
+                known_frequency_hz(predicted_hz)))
         return tuple(crossings)
 
     def trials(
@@ -409,13 +317,8 @@ class _Study:
         self, name: str, entry: Mapping[str, Any], everywhere: Mapping[str, Any] | None = None,
     ) -> PlannedRun:
         base = {
-            stage: {**values, **(everywhere or {})} for stage, values in self._base.items()}
+            node: {**values, **(everywhere or {})} for node, values in self._base.items()}
         return plan_run(base, entry, where=f'study: {name}', number=0, name=name)
-
-
-def _known(frequency_hz: float) -> float:
-    """Return NaN for a crossing that lies outside the frequencies that were looked at."""
-    return frequency_hz if 0.0 < frequency_hz < math.inf else math.nan
 
 
 def _error(run: Run) -> float:

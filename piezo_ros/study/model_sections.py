@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The sections of the study's page that speak of models: Tables 1 and 2, Fig. 5 to 9."""
+"""The sections of the study's page on models: Tables 1 and 2, Fig. 5 to 9."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -20,16 +20,16 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from piezo_ros import paper
-from piezo_ros.experiment.paper_study import CREEP, PaperResults, StaticLoop
-from piezo_ros.experiment.published import published_bound
-from piezo_ros.experiment.study_content import PERCENT, Rows, known
-from piezo_ros.experiment.study_record import left_out, published_uncertainty
 from piezo_ros.identification import ExcludedPoint, FrequencyResponse
 from piezo_ros.model import LinearDynamics
 from piezo_ros.report.figures.frequency_response import ResponseCurve, response_figure
 from piezo_ros.report.figures.hysteresis import Loop, loops_figure
 from piezo_ros.report.figures.uncertainty import BoundCurve, uncertainty_figure
 from piezo_ros.report.page.content import Column, Paragraph, Picture, Section, Table
+from piezo_ros.study.experiments import CREEP
+from piezo_ros.study.page_elements import PERCENT, Rows, known
+from piezo_ros.study.record import left_out, published_uncertainty
+from piezo_ros.study.results import PaperResults, StaticLoop
 
 __all__ = [
     'dynamics_section',
@@ -116,7 +116,7 @@ def dynamics_section(results: PaperResults) -> Section:
          published.standard_errors[name], fit.values[name], fit.standard_errors[name]]
         for name, symbol in _SYMBOLS.items()]
     return Section('table-2', 'Table 2, Fig. 6 and 7: the linear dynamics', [
-        Picture('bare', 'Fig. 6: the bare actuator, whose gain depends on the amplitude.',
+        Picture('bare', 'Fig. 6: the bare actuator: its gain depends on the amplitude.',
                 lambda: response_figure(
                     [_curve(sweeps, 'V') for sweeps in results.bare_responses],
                     title='Bare actuator', unit='µm/V')),
@@ -152,9 +152,9 @@ def uncertainty_section(results: PaperResults) -> Section:
     bound = results.uncertainty
     frequency_hz = np.geomspace(
         float(bound.frequency_hz.min()), float(bound.frequency_hz.max()), 200)
-    published_curve = BoundCurve('W, (19)', frequency_hz, published_bound(frequency_hz))
+    published_curve = BoundCurve('W, (19)', frequency_hz, paper.uncertainty_magnitude(frequency_hz))
     measured_hz, delta = published_uncertainty(results)
-    below = float(np.mean(delta <= published_bound(measured_hz)))
+    below = float(np.mean(delta <= paper.uncertainty_magnitude(measured_hz)))
     excluded = left_out(results.identified_responses)
     by_amplitude: dict[str, list[ExcludedPoint]] = {}
     for point in sorted(excluded, key=lambda point: (point.amplitude, point.frequency_hz)):
@@ -167,8 +167,8 @@ def uncertainty_section(results: PaperResults) -> Section:
             'Offsets −1.5 … 1.5 V and amplitudes 0.5 … 2.5 V. As published: behind the published '
             'inverse, against G of Table 2 behind the zero-order hold. '
             f'{below:.0%} of {delta.size} points lie below (19), which allows '
-            f'{published_bound(0.0):.1%} at low frequencies; the gain of the rig is off by '
-            f'{np.median(delta[measured_hz == measured_hz.min()]):.1%}.'),
+            f'{paper.uncertainty_magnitude(0.0):.1%} at low frequencies; the gain of the rig is '
+            f'off by {np.median(delta[measured_hz == measured_hz.min()]):.1%}.'),
         Picture('uncertainty-published', 'As published: measured |Δ| and (19) of the paper.',
                 lambda: uncertainty_figure(measured_hz, delta, [published_curve])),
         Paragraph(

@@ -29,16 +29,11 @@ import pytest
 
 from piezo_ros.bag import read
 from piezo_ros.experiment.plan import read_plan
-from piezo_ros.experiment.sweep import (
-    SweepWork,
-    do_runs,
-    open_sweep,
-    run_directory,
-    run_sweep,
-    summary_table,
-)
-from piezo_ros.experiment.sweep_engines import dask_engine, local_engine
-from piezo_ros.experiment.sweep_plan import read_sweep
+from piezo_ros.experiment.sweep.engines import dask_engine, local_engine
+from piezo_ros.experiment.sweep.run_sweep import open_sweep, run_sweep
+from piezo_ros.experiment.sweep.sweep_plan import read_sweep
+from piezo_ros.experiment.sweep.table import summary_table
+from piezo_ros.experiment.sweep.work import SweepWork, do_runs, run_directory
 from piezo_ros.parameters.errors import CampaignError, PlanError
 from piezo_ros.report import score
 
@@ -259,7 +254,7 @@ DEADLY = """\
 import os
 import signal
 
-from piezo_ros.experiment.sweep import do_runs
+from piezo_ros.experiment.sweep.work import do_runs
 
 
 def deadly(work, numbers):
@@ -275,7 +270,7 @@ def test_runs_that_end_their_worker_every_time_are_given_up_and_the_others_done(
     (tmp_path / 'deadly_runs.py').write_text(DEADLY)
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setattr(
-        'piezo_ros.experiment.sweep_engines.do_runs', import_module('deadly_runs').deadly)
+        'piezo_ros.experiment.sweep.engines.do_runs', import_module('deadly_runs').deadly)
     work = prepare(draws=3)
     with pytest.raises(CampaignError, match=r'runs 3 … 3 ended their worker 3 times'):
         run_sweep(work, local_engine(2), workers=2)

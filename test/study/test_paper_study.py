@@ -21,8 +21,8 @@ import numpy as np
 import pytest
 
 from piezo_ros.cli.main import main
-from piezo_ros.experiment.paper_study import Crossing
-from piezo_ros.experiment.tracking_table import agreement, published_errors, table_cells
+from piezo_ros.study.results import Crossing
+from piezo_ros.study.table_4 import agreement, published_errors, table_cells
 
 PLAN = Path(__file__).parents[2] / 'config' / 'experiments' / 'paper.yaml'
 

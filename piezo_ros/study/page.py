@@ -21,26 +21,26 @@ from typing import Any
 import numpy as np
 
 from piezo_ros import paper
-from piezo_ros.experiment.paper_study import PaperResults
-from piezo_ros.experiment.study_content import nonlinearity_text
-from piezo_ros.experiment.study_models import (
+from piezo_ros.report.page.content import Content, Facts, Paragraph, Section
+from piezo_ros.report.page.writer import write_page
+from piezo_ros.study.model_sections import (
     dynamics_section,
     hysteresis_section,
     loop_section,
     static_section,
     uncertainty_section,
 )
-from piezo_ros.experiment.study_record import held_out, within_published_band
-from piezo_ros.experiment.study_tracking import (
+from piezo_ros.study.page_elements import nonlinearity_text
+from piezo_ros.study.record import held_out, within_published_band
+from piezo_ros.study.results import PaperResults
+from piezo_ros.study.table_4 import agreement, published_errors
+from piezo_ros.study.tracking_sections import (
     harmonics_section,
     improved_section,
     scans_section,
     table_3_section,
     table_4_section,
 )
-from piezo_ros.experiment.tracking_table import agreement, published_errors
-from piezo_ros.report.page.content import Content, Facts, Paragraph, Section
-from piezo_ros.report.page.writer import write_page
 
 __all__ = ['study_summary', 'write_study_page']
 

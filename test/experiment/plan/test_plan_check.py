@@ -18,7 +18,7 @@ import pytest
 import yaml
 
 from piezo_ros.experiment.plan import read_plan
-from piezo_ros.experiment.plan_check import check_plan
+from piezo_ros.experiment.plan.rig_limits import check_plan
 from piezo_ros.parameters.errors import PlanError
 
 

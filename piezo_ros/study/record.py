@@ -22,17 +22,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from piezo_ros import paper
-from piezo_ros.experiment.paper_study import (
-    Crossing,
-    HarmonicsTrial,
-    PaperResults,
-    StaticLoop,
-)
-from piezo_ros.experiment.tracking_table import Agreement, agreement, published_errors
 from piezo_ros.identification import DynamicsFit, ExcludedPoint, FrequencyResponse
 from piezo_ros.model import LinearDynamics
 from piezo_ros.report import nrmse
 from piezo_ros.report.metrics import tail
+from piezo_ros.study.calibration import HELD_OUT_ROWS_UM
+from piezo_ros.study.results import Crossing, HarmonicsTrial, PaperResults, StaticLoop
+from piezo_ros.study.table_4 import Agreement, agreement, published_errors
 
 __all__ = [
     'held_out',
@@ -46,7 +42,6 @@ __all__ = [
 FORMAT_VERSION = 1
 _PERCENT = 100.0
 _BAND_TOLERANCE_HZ = 50.0
-HELD_OUT_ROWS_UM = (1.0, 2.0)
 
 
 def study_record(results: PaperResults, bags: dict[str, str]) -> dict[str, Any]:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Does a study: its runs, its results, its report."""
+"""Runs the study of the paper and writes its report."""
 
 import shutil
 import sys
@@ -21,13 +21,14 @@ from pathlib import Path
 from typing import Any
 
 from piezo_ros.bag import Run, read
-from piezo_ros.experiment.campaign import PLAN_COPY, describe
-from piezo_ros.experiment.paper_study import PaperResults, run_paper_study
+from piezo_ros.experiment.output_directory import PLAN_COPY
 from piezo_ros.experiment.plan import Plan
-from piezo_ros.experiment.study_page import write_study_page
-from piezo_ros.experiment.study_record import study_record
 from piezo_ros.parameters.provenance import software_versions
 from piezo_ros.parameters.run import PlannedRun, RunResult
+from piezo_ros.study.experiments import run_experiments
+from piezo_ros.study.page import write_study_page
+from piezo_ros.study.record import study_record
+from piezo_ros.study.results import PaperResults
 
 __all__ = ['run_study']
 
@@ -74,12 +75,12 @@ def run_study(
         nonlocal count
         for planned in planned_runs:
             count += 1
-            announce(f'[{count}] {planned.name}: {describe(planned)}')
+            announce(f'[{count}] {planned.name}: {planned.description}')
             bag = directory / 'bags' / planned.name
             wall_seconds[planned.name] = run(planned, bag).wall_seconds
             yield read(bag)
 
-    results = run_paper_study(plan.base, execute)
+    results = run_experiments(plan.base, execute)
     record: dict[str, Any] = {
         'title': plan.title,
         **study_record(results, {

@@ -28,7 +28,6 @@ from piezo_ros.control import (
 )
 from piezo_ros.control.waveform import excitation_of
 from piezo_ros.experiment.plan import plan_run, read_plan
-from piezo_ros.experiment.tracking_table import table_cells
 from piezo_ros.identification import (
     Amplifier,
     fit_dynamics,
@@ -39,6 +38,7 @@ from piezo_ros.identification import (
 from piezo_ros.model import HysteresisParameters, RigParameters
 from piezo_ros.parameters.errors import PlanError
 from piezo_ros.report.metrics import nrmse, tail
+from piezo_ros.study.table_4 import table_cells
 
 MISMATCHES = [name for name in RigParameters().to_mapping() if name.endswith('_mismatch')]
 TABLE = [

@@ -12,14 +12,14 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the sections of the study's page share."""
+"""Rows and texts that several sections of the study's page need."""
 
 import math
 from collections.abc import Sequence
 from typing import Final, TypeAlias
 
-from piezo_ros.experiment.paper_study import StaticLoop
 from piezo_ros.report.page.content import Cell, Heading
+from piezo_ros.study.results import StaticLoop
 
 __all__ = ['PERCENT', 'Rows', 'known', 'nonlinearity_text']
 
