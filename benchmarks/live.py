@@ -42,9 +42,9 @@ _OTHER_RING_ROUNDS: Final = 20_000
 _LAYOUTS: Final = (('composed', True), ('separate', False))
 
 
-def _planned(**stages: Mapping[str, Any]) -> PlannedRun:
+def _planned(**nodes: Mapping[str, Any]) -> PlannedRun:
     return PlannedRun('bench', {
-        stage: check_node_parameters(stage, stages.get(stage, {})) for stage in LOOP_NODES})
+        node: check_node_parameters(node, nodes.get(node, {})) for node in LOOP_NODES})
 
 
 def _closed_loop(*, composed: bool) -> PlannedRun:
@@ -83,9 +83,9 @@ def _footprint() -> tuple[float, float, float, float]:
 
 
 def _memory_compiled() -> tuple[float, float]:
-    stages: dict[str, dict[str, Any]] = {stage: {'compiled': True} for stage in LOOP_NODES}
-    stages['trajectory']['periods'] = _SHORT_PERIODS
-    cost = footprint(_planned(**stages))
+    nodes: dict[str, dict[str, Any]] = {node: {'compiled': True} for node in LOOP_NODES}
+    nodes['trajectory']['periods'] = _SHORT_PERIODS
+    cost = footprint(_planned(**nodes))
     return cost.rss_mb, cost.pss_mb
 
 

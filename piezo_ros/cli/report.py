@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""``piezo report``: scores, tables and pictures of bags, whoever recorded them."""
+"""``piezo report``: scores, tables and pictures of bags, also of foreign ones."""
 
 import argparse
 import os

@@ -134,7 +134,7 @@ def _tune(options: argparse.Namespace) -> int:
             model, paper.TABLE_2['proportional_gain'], paper.TABLE_2['integral_gain_per_s'],
             sample_period_s=options.sample_period_s,
             measurement_delay_samples=options.measurement_delay_samples, bound=bound)
-        # Predictions simulate the rig, whose dynamics are (6).
+        # Predictions simulate the rig, which has the dynamics (6).
         points = predicted_points(options, tuning, bound) if (
             isinstance(model, LinearDynamics) and not options.no_operating_points) else ()
         options.output.write_text(

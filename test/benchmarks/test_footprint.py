@@ -26,7 +26,7 @@ from piezo_ros.parameters.run import PlannedRun
 def planned(periods, **plant):
     parameters = {'trajectory': {'periods': periods}, 'plant': plant}
     return PlannedRun('bench', {
-        stage: check_node_parameters(stage, parameters.get(stage, {})) for stage in LOOP_NODES})
+        node: check_node_parameters(node, parameters.get(node, {})) for node in LOOP_NODES})
 
 
 def test_start_memory_and_idling_of_four_processes_are_measured(monkeypatch):

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Every command on a run of renamed nodes whose streams were remapped to topics of other names."""
+"""Every command on a run of renamed nodes with streams remapped to topics of other names."""
 
 import json
 

@@ -15,7 +15,7 @@
 """
 The launch files under the real `launch`, with stand-ins for the nodes that end when they are told.
 
-What each process is started with, and whose end ends whom. Real nodes: test/nodes.
+What each process is started with, and what ends with it. Real nodes: test/nodes.
 """
 
 import contextlib
@@ -202,7 +202,7 @@ def test_who_fails_takes_its_own_rig_along_and_the_log_says_so(launched, compose
         f'[ERROR] [piezo_ros]: /one: {stages[-1]} failed with exit code 3; ending the other nodes '
         'of this rig', *all_of('_one', 'stopped', ('recorder', *stages[:-1])))
     assert '_two recorder stopped' not in launch.said
-    # One that ends well without being the recorder ends nobody.
+    # One that ends well without being the recorder ends no other.
     launch.end('_two', stages[0], 0)
     launch.wait_for(f'_two {stages[0]} ended')
     launch.end('_two', 'recorder', 0)

@@ -103,10 +103,10 @@ def test_a_scan_sets_its_parameters_behind_the_files_and_each_node_gets_its_own(
 def test_with_a_recorder_every_stage_waits_for_it_and_stays_until_it_is_done():
     alone, recorded = processes('rig.launch.py'), processes(
         'rig.launch.py', record='true', bag_directory='there')
-    for stage in LOOP_NODES:
-        assert 'required_readers' not in parameters(alone[stage])
-        assert parameters(recorded[stage])['required_readers'] == '2'
-        assert float(parameters(recorded[stage])['linger_s']) < 0.0
+    for node in LOOP_NODES:
+        assert 'required_readers' not in parameters(alone[node])
+        assert parameters(recorded[node])['required_readers'] == '2'
+        assert float(parameters(recorded[node])['linger_s']) < 0.0
     assert parameters(recorded['recorder'])['bag_directory'] == 'there'
 
 
@@ -170,8 +170,8 @@ def test_one_process_takes_every_file_and_no_two_nodes_differ_in_a_name(launch_f
     own = parameters(composed)
     if launch_file == 'scan.launch.py':
         separate = processes(launch_file)
-        for stage in LOOP_NODES:
-            assert parameters(separate[stage]).items() <= own.items()
+        for node in LOOP_NODES:
+            assert parameters(separate[node]).items() <= own.items()
 
 
 @pytest.mark.parametrize(('given', 'error'), [

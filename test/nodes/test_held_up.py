@@ -82,7 +82,7 @@ def _try(rig, write_plan, seed):
     assert not rig.nodes(), how
     assert 'Traceback' not in command.output
     if by_watchdog:
-        # Somebody else was the one who did not answer.
+        # Another node was the one that did not answer.
         assert held not in (None, 'plant'), how
     if code == 0 or read(rig.bag).samples:
         _assert_nothing_is_missing(rig.bag, whole=code == 0)

@@ -119,7 +119,7 @@ def threes(runs):
 
 
 def test_the_recommended_scheme_is_the_better_one_of_the_rig_over_table_4(write_plan, known_file):
-    # The stages are as published; the known rig is identified.
+    # The nodes are as published; the known rig is identified.
     plan = read_plan(write_plan(
         known_rig_files=[str(known_file)],
         runs=[{**row, 'scheme': ['auto', 'ff', 'fbff']} for row in TABLE]))
@@ -286,7 +286,7 @@ def test_the_scored_periods_of_the_plan_are_the_predicted_ones(write_plan):
 
 
 def test_runs_that_a_program_plans_may_leave_things_open_as_well(config):
-    base = {stage: {} for stage in ('compensator', 'controller', 'plant', 'trajectory')}
+    base = {node: {} for node in ('compensator', 'controller', 'plant', 'trajectory')}
     run = plan_run(base, {'scheme': 'auto', 'harmonics': 'auto'}, where='here', number=7)
     assert run.prediction.chosen.harmonics == run.trajectory.harmonics > 0
     assert run.name == f'007_{run.controller.scheme}_triangle_1um_300hz'

@@ -44,9 +44,9 @@ def test_the_demonstration_is_one_cell_of_table_4_under_three_schemes(config):
 
 def test_every_parameter_of_every_stage_is_filled_in(write_plan):
     (run,) = read_plan(write_plan()).runs
-    for stage in LOOP_NODES:
-        names = {name for each in NODE_PARAMETERS[stage] for name in each().to_mapping()}
-        assert set(run.parameters[stage]) == names
+    for node in LOOP_NODES:
+        names = {name for each in NODE_PARAMETERS[node] for name in each().to_mapping()}
+        assert set(run.parameters[node]) == names
 
 
 def test_lists_stand_for_one_run_each_and_the_last_key_runs_fastest(write_plan):
@@ -93,7 +93,7 @@ def test_a_list_of_a_node_stays_a_list(write_plan):
 
 def test_one_sample_period_reaches_every_stage(write_plan):
     (run,) = read_plan(write_plan(sample_period_s=2e-5)).runs
-    assert {run.parameters[stage]['sample_period_s'] for stage in LOOP_NODES} == {2e-5}
+    assert {run.parameters[node]['sample_period_s'] for node in LOOP_NODES} == {2e-5}
 
 
 def test_numbers_read_as_ros_reads_them(write_plan):

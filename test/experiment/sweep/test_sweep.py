@@ -233,7 +233,7 @@ def check_what_a_killed_worker_costs(work, engine, kill):
     striker.start()
     sweep = run_sweep(work, engine, workers=2)
     striker.join()
-    assert marks, 'there was nobody to kill'
+    assert marks, 'there was no worker to kill'
     assert [result['number'] for result in sweep.results] == list(range(work.plan.runs))
     assert not sweep.failed
     assert len(marks) > len(at_work)

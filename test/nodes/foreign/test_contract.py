@@ -83,7 +83,7 @@ def test_a_run_that_should_have_ended_is_named(way, fault):
         node.run.broken(fault, FAULTS[fault])
     assert 'has not ended within' in wrong(node.run.findings)[fault]
     if way == 'WatchesNobody':
-        # Nobody can know of the voltage, as long as it goes on.
+        # The voltage cannot be known, as long as it goes on.
         assert f'{fault}: voltage at zero' in wrong(node.run.findings)
 
 
