@@ -50,7 +50,7 @@ __all__ = [
 
 @dataclass(frozen=True, kw_only=True)
 class StageParameters(ParameterSet):
-    """What every node has, whatever it computes."""
+    """What every managed node has, whatever it computes."""
 
     sample_period_s: float = parameter(
         1e-5, 's', 'simulated sample period; blocks with another one end the run',
@@ -97,7 +97,7 @@ class SafetyParameters(ParameterSet):
 
 @dataclass(frozen=True, kw_only=True)
 class PaceParameters(ParameterSet):
-    """How simulated time relates to the clock on the wall."""
+    """How simulated time relates to the wall clock."""
 
     realtime_factor: float = parameter(
         0.0, '', 'simulated seconds per wall-clock second; 0: as fast as possible',
@@ -109,7 +109,7 @@ class PaceParameters(ParameterSet):
 
 @dataclass(frozen=True, kw_only=True)
 class HistoryParameters(ParameterSet):
-    """What the stage remembers of the runs before, and how it is made to forget."""
+    """The state of the stage at the start of a run, and how ~/initialise clears it."""
 
     keep_state: bool = parameter(
         False, '', 'begin a run where the one before has left the stage, as a real one does, '
