@@ -75,7 +75,7 @@ lint: $(TEST_READY)  ## style, types and tiers alone
 	$(BIN)/lint-imports
 
 docs: $(DEMO_READY)  ## print docs/parameters.md and docs/launch.md from the code
-	$(BIN)/python -m piezo_ros.experiment.reference_pages docs
+	$(BIN)/python -m piezo_ros.reference_pages docs
 
 clean:  ## remove .venv and .matrix, what was built and what tools cached; out/ stays
 	rm -rf $(VENV) .matrix build dist install log *.egg-info

@@ -24,10 +24,10 @@ from typing import Final, NamedTuple
 
 from rcl_interfaces.srv import GetParameters
 
-from piezo_ros.experiment.errors import CampaignError
-from piezo_ros.experiment.plan import PlannedRun
 from piezo_ros.live.run_parameters import run_parameters
 from piezo_ros.live.supervisor import Supervisor
+from piezo_ros.parameters.errors import CampaignError
+from piezo_ros.parameters.run import PlannedRun
 
 __all__ = ['Footprint', 'footprint', 'service_latency_ms', 'start_beside_peers_s']
 

@@ -23,8 +23,8 @@ from numpy.typing import NDArray
 
 from benchmarks.measurement import Measurement, Ratio, higher, lower, seconds
 from piezo_ros.control import ControllerParameters, TrajectoryParameters, simulate
-from piezo_ros.experiment.tracking_table import table_cells, tracking_errors
 from piezo_ros.model import HysteresisParameters, MaxwellResistiveCapacitor, Rig, RigParameters
+from piezo_ros.study.table_4 import table_cells, tracking_errors
 
 __all__ = ['KERNELS', 'KERNEL_RATIOS']
 

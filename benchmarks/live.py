@@ -22,8 +22,8 @@ from benchmarks.footprint import footprint, service_latency_ms, start_beside_pee
 from benchmarks.measurement import Measurement, Quantity, Ratio, higher, lower
 from benchmarks.other_rings import TRANSPORTS, missing_transport
 from benchmarks.rates import graph_rate, other_ring_rate, ring_rate
-from piezo_ros.experiment.node_parameters import check_node_parameters
-from piezo_ros.experiment.plan import STAGES, PlannedRun
+from piezo_ros.parameters.node_parameters import LOOP_NODES, check_node_parameters
+from piezo_ros.parameters.run import PlannedRun
 
 __all__ = ['LIVE', 'LIVE_RATIOS']
 
@@ -42,9 +42,9 @@ _OTHER_RING_ROUNDS: Final = 20_000
 _LAYOUTS: Final = (('composed', True), ('separate', False))
 
 
-def _planned(**stages: Mapping[str, Any]) -> PlannedRun:
+def _planned(**nodes: Mapping[str, Any]) -> PlannedRun:
     return PlannedRun('bench', {
-        stage: check_node_parameters(stage, stages.get(stage, {})) for stage in STAGES})
+        node: check_node_parameters(node, nodes.get(node, {})) for node in LOOP_NODES})
 
 
 def _closed_loop(*, composed: bool) -> PlannedRun:
@@ -83,9 +83,9 @@ def _footprint() -> tuple[float, float, float, float]:
 
 
 def _memory_compiled() -> tuple[float, float]:
-    stages: dict[str, dict[str, Any]] = {stage: {'compiled': True} for stage in STAGES}
-    stages['trajectory']['periods'] = _SHORT_PERIODS
-    cost = footprint(_planned(**stages))
+    nodes: dict[str, dict[str, Any]] = {node: {'compiled': True} for node in LOOP_NODES}
+    nodes['trajectory']['periods'] = _SHORT_PERIODS
+    cost = footprint(_planned(**nodes))
     return cost.rss_mb, cost.pss_mb
 
 

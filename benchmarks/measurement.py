@@ -25,7 +25,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from piezo_ros.experiment.errors import CampaignError
+from piezo_ros.parameters.errors import CampaignError
 
 __all__ = [
     'BenchmarkError',

@@ -23,10 +23,10 @@ from pathlib import Path
 from typing import Final
 
 from benchmarks import bare_ring, other_rings
-from piezo_ros.experiment.errors import CampaignError
-from piezo_ros.experiment.plan import PlannedRun
 from piezo_ros.live.graph_per_run import GraphPerRun
 from piezo_ros.live.supervisor import Supervisor
+from piezo_ros.parameters.errors import CampaignError
+from piezo_ros.parameters.run import PlannedRun
 from piezo_ros.runtime.process.middleware import set_middleware_defaults
 
 __all__ = ['graph_rate', 'other_ring_rate', 'ring_rate']

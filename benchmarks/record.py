@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 from benchmarks.measurement import BenchmarkError, Measurement, Ratio, Readings
-from piezo_ros.experiment.provenance import software_versions
+from piezo_ros.parameters.provenance import software_versions
 
 __all__ = [
     'Change',

@@ -22,9 +22,10 @@ from typing import Final
 
 from benchmarks.measurement import Measurement, Ratio, higher
 from piezo_ros.experiment.plan import read_plan
-from piezo_ros.experiment.sweep import SweepWork, open_sweep, run_sweep
-from piezo_ros.experiment.sweep_engines import local_engine
-from piezo_ros.experiment.sweep_plan import read_sweep
+from piezo_ros.experiment.sweep.engines import local_engine
+from piezo_ros.experiment.sweep.run_sweep import open_sweep, run_sweep
+from piezo_ros.experiment.sweep.sweep_plan import read_sweep
+from piezo_ros.experiment.sweep.work import SweepWork
 
 __all__ = ['SWEEPS', 'SWEEP_RATIOS']
 

@@ -20,7 +20,11 @@ actuators for high-speed scanning applications*, Smart Mater. Struct. 24 (2015) 
 Units are micrometres, volts at the amplifier's input, radians per second and seconds.
 """
 
+import math
 from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 __all__ = [
     'COMPENSATED_NONLINEARITY_PERCENT',
@@ -37,6 +41,7 @@ __all__ = [
     'UNCERTAINTY_BOUND',
     'UNCOMPENSATED_NONLINEARITY_PERCENT',
     'table_4',
+    'uncertainty_magnitude',
 ]
 
 # Table 1: kappa_i in um/V (n + 1 values, the last is the unlimited capacitor) and u_S,i in V.
@@ -152,3 +157,24 @@ def table_4(scheme: str, amplitude_um: float, frequency_hz: float) -> float | No
     if row is None or scheme not in row._fields:
         return None
     return float(getattr(row, scheme))
+
+
+def uncertainty_magnitude(frequency_hz: ArrayLike) -> NDArray[np.float64]:
+    """
+    Return the published bound of the multiplicative uncertainty, |W| of (19) in Liu 2015.
+
+    Parameters
+    ----------
+    frequency_hz : array_like, shape (N,)
+        Frequencies, hertz.
+
+    Returns
+    -------
+    ndarray, shape (N,)
+        |W|, a share of |G|.
+
+    """
+    w = UNCERTAINTY_BOUND
+    s = 2j * math.pi * np.asarray(frequency_hz, dtype=np.float64)
+    return np.asarray(w['gain'] * np.abs((s + w['zero_rad_per_s']) ** 2 / (
+        (s + w['pole_1_rad_per_s']) * (s + w['pole_2_rad_per_s']))))

@@ -65,9 +65,9 @@ def test_a_signal_that_is_ignored_stays_so():
 
 def test_a_supervisor_starts_no_run_after_one(python_handler, tmp_path):
     pytest.importorskip('rclpy')
-    from piezo_ros.experiment.errors import CampaignError
     from piezo_ros.live.graph_per_run import GraphPerRun
     from piezo_ros.live.supervisor import Supervisor
+    from piezo_ros.parameters.errors import CampaignError
     with remembering_interruption():
         _swallow_ctrl_c()
         with Supervisor() as supervisor, pytest.raises(CampaignError, match='by SIGINT'):

@@ -26,7 +26,7 @@ import setuptools
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 
-# `FAKE -m venv` makes an environment whose python notes what pip is to install; ROS is not sourced.
+# `FAKE -m venv` makes an environment; its python notes what pip is to install. ROS is not sourced.
 FAKE_PYTHON = f"""\
 case "$*" in
     *'-m venv'*)

@@ -98,7 +98,7 @@ def main():
     try:
         while plant.state in ('inactive', 'active'):
             rclpy.spin_once(plant)
-        time.sleep(1.0)  # for whoever wants to read the status
+        time.sleep(1.0)  # so that the status can still be read
     except KeyboardInterrupt:
         plant.end('stopped', 'SIGINT')
         plant.displacement.wait_for_all_acked()

@@ -126,7 +126,7 @@ def main():
     try:
         while controller.state in ('inactive', 'active'):
             rclpy.spin_once(controller)
-        time.sleep(1.0)  # for whoever wants to read the status
+        time.sleep(1.0)  # so that the status can still be read
     except KeyboardInterrupt:
         controller.end('stopped', 'SIGINT')
         controller.command.wait_for_all_acked()

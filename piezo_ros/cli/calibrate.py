@@ -42,7 +42,7 @@ def _calibrate(options: argparse.Namespace) -> int:
     if options.generations < 1 or options.seed < 0:
         print('piezo: --generations must be at least 1 and --seed at least 0', file=sys.stderr)
         return 2
-    from piezo_ros.experiment.calibration import calibrate_rig
+    from piezo_ros.study.calibration import calibrate_rig
     progress = Progress()
     progress.announce('calibrating on the rows 0.5, 1.5 and 2.5 um of Table 4')
     calibration = calibrate_rig(

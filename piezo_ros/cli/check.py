@@ -19,7 +19,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from piezo_ros.experiment.errors import PlanError
+from piezo_ros.parameters.errors import PlanError
 
 if TYPE_CHECKING:
     from piezo_ros.contract.topics import Finding
@@ -127,7 +127,7 @@ def _check_plan(path: Path) -> int:
             f'piezo: {path} is neither {", ".join(ROLES)} nor a plan file', file=sys.stderr)
         return 2
     from piezo_ros.experiment.plan import read_plan
-    from piezo_ros.experiment.plan_check import check_plan
+    from piezo_ros.experiment.plan.rig_limits import check_plan
     try:
         demands = check_plan(read_plan(path))
     except PlanError as error:

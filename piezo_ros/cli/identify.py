@@ -26,19 +26,15 @@ import yaml
 from piezo_ros.bag import BagError, Run, open_recording
 from piezo_ros.cli.loss import add_loss_option
 from piezo_ros.control import TrajectoryParameters
-from piezo_ros.experiment.errors import PlanError
-from piezo_ros.experiment.model_file import (
-    BOUND_KIND,
-    FORMAT_VERSION,
-    RATIONAL_KIND,
-    read_node_model,
-)
+from piezo_ros.experiment.model_file import BOUND_KIND, FORMAT_VERSION, RATIONAL_KIND
 from piezo_ros.model import (
     DynamicsParameters,
     HysteresisParameters,
     LinearDynamics,
     ParameterError,
 )
+from piezo_ros.parameters.errors import PlanError
+from piezo_ros.parameters.parameter_file import read_parameter_set
 
 if TYPE_CHECKING:
     from piezo_ros.identification import DynamicsFit, FrequencyResponse
@@ -245,7 +241,7 @@ def _with_picture(
 
 
 def _responses(options: argparse.Namespace, runs: list[Run]) -> 'list[FrequencyResponse]':
-    from piezo_ros.experiment.recorded_models import recorded_response
+    from piezo_ros.experiment.recorded_response import recorded_response
     played = options.trajectory or [None]
     if len(played) not in (1, len(runs)):
         raise ValueError(
@@ -253,10 +249,10 @@ def _responses(options: argparse.Namespace, runs: list[Run]) -> 'list[FrequencyR
             'once for each')
     hysteresis = None
     if options.compensator:
-        hysteresis = read_node_model(options.compensator, 'compensator', HysteresisParameters)
+        hysteresis = read_parameter_set(options.compensator, 'compensator', HysteresisParameters)
     responses = []
     for run, path in zip(runs, played * (len(runs) // len(played)), strict=True):
-        trajectory = None if path is None else read_node_model(
+        trajectory = None if path is None else read_parameter_set(
             path, 'trajectory', TrajectoryParameters, {'sample_period_s': run.sample_period_s})
         response = recorded_response(
             run, slew_limit_v_per_s=options.slew_limit_v_per_s, trajectory=trajectory,
@@ -305,7 +301,7 @@ def _uncertainty(options: argparse.Namespace, runs: list[Run]) -> _Files:
     import numpy as np
 
     from piezo_ros.identification import uncertainty_bound
-    model = LinearDynamics(read_node_model(options.model, 'trajectory', DynamicsParameters))
+    model = LinearDynamics(read_parameter_set(options.model, 'trajectory', DynamicsParameters))
     period_s = runs[0].sample_period_s
     bound = uncertainty_bound(
         _responses(options, runs),

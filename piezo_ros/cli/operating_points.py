@@ -20,14 +20,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final, TypeVar
 
 from piezo_ros.control import ControllerParameters, TrajectoryParameters
-from piezo_ros.experiment.automatic import AUTO, known_rig
-from piezo_ros.experiment.model_file import read_node_model
+from piezo_ros.experiment.plan.automatic import AUTO, known_rig
 from piezo_ros.identification.prediction.operating_points import (
     OperatingPoint,
     feedback_table,
     predict_operating_points,
 )
 from piezo_ros.model import HysteresisParameters, ParameterSet, RigParameters
+from piezo_ros.parameters.parameter_file import read_parameter_set
 
 if TYPE_CHECKING:
     from piezo_ros.identification.tuning.linear_plant import Bound
@@ -49,7 +49,7 @@ def predicted_points(
         raise ValueError(f"--harmonics is {options.harmonics!r}, allowed is a number or 'auto'")
     compensator = _told(options.compensator, 'compensator', HysteresisParameters)
     plant = _told(options.plant, 'plant', RigParameters)
-    scan = read_node_model(
+    scan = read_parameter_set(
         options.model, 'trajectory', TrajectoryParameters).replaced(
             waveform=options.waveform, sample_period_s=options.sample_period_s,
             **({} if harmonics_open else {'harmonics': int(options.harmonics)}))
@@ -75,7 +75,7 @@ def predicted_points(
 
 
 def _told(path: Path | None, node: str, parameter_set: type[_Set]) -> _Set:
-    return parameter_set() if path is None else read_node_model(path, node, parameter_set)
+    return parameter_set() if path is None else read_parameter_set(path, node, parameter_set)
 
 
 def _rounded(value: float) -> float:

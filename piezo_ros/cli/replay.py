@@ -22,14 +22,14 @@ from typing import Any, Final
 from piezo_ros.bag import BagError, read
 from piezo_ros.cli.loss import add_loss_option
 from piezo_ros.control import SCHEMES, ControllerParameters
-from piezo_ros.experiment.errors import PlanError
-from piezo_ros.experiment.parameter_file import read_parameter_file
 from piezo_ros.experiment.replay import ReplayResult, replay
 from piezo_ros.model import (
     HysteresisParameters,
     ParameterSet,
     RigParameters,
 )
+from piezo_ros.parameters.errors import PlanError
+from piezo_ros.parameters.parameter_file import read_parameter_file
 from piezo_ros.report.metrics import nrmse
 
 __all__ = ['add_command']

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""``piezo report``: scores, tables and pictures of bags, whoever recorded them."""
+"""``piezo report``: scores, tables and pictures of bags, also of foreign ones."""
 
 import argparse
 import os
@@ -22,9 +22,9 @@ from typing import Any, Final
 
 from piezo_ros.bag import BagError, Recording, open_recording
 from piezo_ros.cli.loss import add_loss_option
-from piezo_ros.experiment.campaign import prepare_directory
-from piezo_ros.experiment.errors import PlanError
-from piezo_ros.experiment.provenance import software_versions
+from piezo_ros.experiment.output_directory import prepare_directory
+from piezo_ros.parameters.errors import PlanError
+from piezo_ros.parameters.provenance import software_versions
 from piezo_ros.report import ScoredRun, score
 from piezo_ros.report.run_tables import text_table
 

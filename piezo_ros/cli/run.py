@@ -22,9 +22,11 @@ from typing import Any
 
 from piezo_ros.bag import BagError
 from piezo_ros.cli.progress import Progress
-from piezo_ros.experiment.campaign import RunResult, prepare_directory, run_campaign
-from piezo_ros.experiment.errors import CampaignError, PlanError
-from piezo_ros.experiment.plan import Plan, PlannedRun, read_plan
+from piezo_ros.experiment.campaign import run_campaign
+from piezo_ros.experiment.output_directory import prepare_directory
+from piezo_ros.experiment.plan import Plan, read_plan
+from piezo_ros.parameters.errors import CampaignError, PlanError
+from piezo_ros.parameters.run import PlannedRun, RunResult
 from piezo_ros.report.run_tables import text_table
 
 __all__ = ['add_commands']
@@ -128,8 +130,8 @@ def _run(
 ) -> int:
     try:
         if plan.study:
-            from piezo_ros.experiment.study import run_study
-            from piezo_ros.experiment.study_page import study_summary
+            from piezo_ros.study.page import study_summary
+            from piezo_ros.study.run_study import run_study
             results, page = run_study(plan, directory, run, progress.announce)
             report: Path | None = page
             summary = study_summary(results)

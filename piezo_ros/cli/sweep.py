@@ -21,10 +21,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from piezo_ros.cli.progress import Progress
-from piezo_ros.experiment.errors import CampaignError, PlanError
+from piezo_ros.parameters.errors import CampaignError, PlanError
 
 if TYPE_CHECKING:
-    from piezo_ros.experiment.sweep import Engine
+    from piezo_ros.experiment.sweep.work import Engine
 
 __all__ = ['add_command']
 
@@ -67,8 +67,10 @@ def add_command(commands: Any) -> None:
 
 def _sweep(options: argparse.Namespace) -> int:
     from piezo_ros.experiment.plan import read_plan
-    from piezo_ros.experiment.sweep import SweepWork, open_sweep, run_sweep, summary_table
-    from piezo_ros.experiment.sweep_plan import read_sweep
+    from piezo_ros.experiment.sweep.run_sweep import open_sweep, run_sweep
+    from piezo_ros.experiment.sweep.sweep_plan import read_sweep
+    from piezo_ros.experiment.sweep.table import summary_table
+    from piezo_ros.experiment.sweep.work import SweepWork
     progress = _SweepProgress()
     try:
         if options.workers < 1:
@@ -113,7 +115,7 @@ def _sweep(options: argparse.Namespace) -> int:
 
 
 def _engine(options: argparse.Namespace) -> 'Engine':
-    from piezo_ros.experiment.sweep_engines import dask_engine, local_engine
+    from piezo_ros.experiment.sweep.engines import dask_engine, local_engine
     if options.engine == 'local':
         return local_engine(options.workers)
     try:

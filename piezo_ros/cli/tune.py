@@ -21,11 +21,11 @@ from typing import TYPE_CHECKING, Any, Final
 
 from piezo_ros import paper
 from piezo_ros.control import TrajectoryParameters
-from piezo_ros.experiment.automatic import AUTO
-from piezo_ros.experiment.errors import PlanError
-from piezo_ros.experiment.model_file import read_bound, read_dynamics, read_node_model
-from piezo_ros.experiment.published import published_bound
+from piezo_ros.experiment.model_file import read_bound, read_dynamics
+from piezo_ros.experiment.plan.automatic import AUTO
 from piezo_ros.model import LinearDynamics
+from piezo_ros.parameters.errors import PlanError
+from piezo_ros.parameters.parameter_file import read_parameter_set
 
 if TYPE_CHECKING:
     from piezo_ros.identification.tuning.linear_plant import Bound, Model
@@ -134,7 +134,7 @@ def _tune(options: argparse.Namespace) -> int:
             model, paper.TABLE_2['proportional_gain'], paper.TABLE_2['integral_gain_per_s'],
             sample_period_s=options.sample_period_s,
             measurement_delay_samples=options.measurement_delay_samples, bound=bound)
-        # Predictions simulate the rig, whose dynamics are (6).
+        # Predictions simulate the rig, which has the dynamics (6).
         points = predicted_points(options, tuning, bound) if (
             isinstance(model, LinearDynamics) and not options.no_operating_points) else ()
         options.output.write_text(
@@ -160,14 +160,14 @@ def _tune(options: argparse.Namespace) -> int:
 def _objective(options: argparse.Namespace, model: 'Model') -> str | TrajectoryParameters:
     if options.objective != 'itae_scan' or not isinstance(model, LinearDynamics):
         return str(options.objective)
-    return read_node_model(options.model, 'trajectory', TrajectoryParameters).replaced(
+    return read_parameter_set(options.model, 'trajectory', TrajectoryParameters).replaced(
         sample_period_s=options.sample_period_s)
 
 
 def _bound(path: Path | None) -> 'Bound | None':
     if path == _NO_BOUND:
         return None
-    return read_bound(path) if path else published_bound
+    return read_bound(path) if path else paper.uncertainty_magnitude
 
 
 def _table(shapes: 'dict[str, LoopShape]') -> str:

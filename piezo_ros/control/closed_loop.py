@@ -31,7 +31,8 @@ from numpy.typing import NDArray
 from piezo_ros.control.changes import Change, segments
 from piezo_ros.control.controller import ControllerParameters
 from piezo_ros.control.pi_controller import PiController
-from piezo_ros.control.trajectory import TrajectoryParameters, trajectory_blocks
+from piezo_ros.control.trajectory import TrajectoryParameters
+from piezo_ros.control.trajectory_blocks import trajectory_blocks
 from piezo_ros.model.hysteresis import HysteresisParameters
 from piezo_ros.model.inverse_hysteresis import InverseHysteresis
 from piezo_ros.model.noise import unit_noise

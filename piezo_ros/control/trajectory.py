@@ -21,17 +21,13 @@ the index k alone::
     y_d[k] = r[k] w[k],   u_ff[k] = r[k] F[k]
 
 Where P periods are exactly M samples, w and F repeat every M samples; in a long run they are
-computed once.
+computed once (`trajectory_blocks`).
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
 from typing import Any, Final, NamedTuple
-
-import numpy as np
-from numpy.typing import NDArray
 
 from piezo_ros.control.feedforward import (
     FeedforwardConstants,
@@ -51,22 +47,17 @@ from piezo_ros.control.waveform import (
 )
 from piezo_ros.model.dynamics import DynamicsParameters, LinearDynamics
 from piezo_ros.model.parameters import parameter
-from piezo_ros.model.step import as_arrays, step
+from piezo_ros.model.step import step
 
 __all__ = [
     'TrajectoryConstants',
     'TrajectoryParameters',
-    'compiled_trajectory',
-    'trajectory_blocks',
     'trajectory_constants',
     'trajectory_step',
 ]
 
-_Samples = list[float] | NDArray[np.float64]
-_Block = Callable[[int, int], tuple[_Samples, _Samples]]  # of the first index and the number
 _MOST_REPEATED: Final = 4096  # samples
 _ROUNDING: Final = 2.0**-50  # of the product of frequency and sample period, relative
-_WORTH_KEEPING: Final = 3  # repetitions from which on it is worth computing one in advance
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -129,82 +120,6 @@ def _repetition(parameters: WaveformParameters) -> int:
         parameters.waveform in REPEATING
         and abs(float(ratio) - turns_per_sample) <= _ROUNDING * turns_per_sample)
     return ratio.denominator if repeats else 0
-
-
-def _with_repetition(
-    constants: TrajectoryConstants, samples: int,
-    make_block: Callable[[TrajectoryConstants], _Block],
-) -> TrajectoryConstants:
-    """
-    Return constants of a trajectory that know in advance what is repeated, if that is worth it.
-
-    Parameters
-    ----------
-    constants : TrajectoryConstants
-        The trajectory, as `trajectory_constants` returns it.
-    samples : int
-        The length of the run.
-    make_block : callable
-        Makes a function as `trajectory_blocks` returns it.
-
-    """
-    if not constants.repeat or samples < _WORTH_KEEPING * constants.repeat:
-        return constants
-    abrupt = constants._replace(waveform=constants.waveform._replace(ramp_turns=0.0))
-    reference_um, feedforward_um = make_block(abrupt)(0, constants.repeat)
-    return constants._replace(
-        repeated_reference_um=reference_um, repeated_feedforward_um=feedforward_um)
-
-
-def compiled_trajectory(parameters: TrajectoryParameters) -> Any:
-    """Return the constants of a trajectory for the compiled kernels."""
-    constants = as_arrays(trajectory_constants(parameters))
-    return _with_repetition(constants, parameters.samples, _compiled_block)
-
-
-def trajectory_blocks(
-    parameters: TrajectoryParameters, *, compiled: bool = False,
-) -> _Block:
-    """
-    Return a trajectory as a function.
-
-    Parameters
-    ----------
-    parameters : TrajectoryParameters
-        The trajectory.
-    compiled : bool
-        Whether to import the compiler; quicker per sample, slower to start.
-
-    Returns
-    -------
-    callable
-        Takes the index of the first sample and their number, and returns the reference and the
-        feedforward, micrometres; as arrays where compiled, else as lists.
-
-    """
-    if compiled:
-        return _compiled_block(compiled_trajectory(parameters))
-    constants = trajectory_constants(parameters)
-    return _block(_with_repetition(constants, parameters.samples, _block))
-
-
-def _block(constants: TrajectoryConstants) -> _Block:
-    def block(start: int, count: int) -> tuple[_Samples, _Samples]:
-        pairs = [trajectory_step(constants, start + k) for k in range(count)]
-        return [pair[0] for pair in pairs], [pair[1] for pair in pairs]
-
-    return block
-
-
-def _compiled_block(constants: Any) -> _Block:
-    from piezo_ros.control.kernels import trajectory_array
-
-    def block(start: int, count: int) -> tuple[_Samples, _Samples]:
-        reference_um, feedforward_um = np.empty(count), np.empty(count)
-        trajectory_array(constants, start, reference_um, feedforward_um)
-        return reference_um, feedforward_um
-
-    return block
 
 
 @step

@@ -12,44 +12,24 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Does the runs of a plan one after the other, keeps their bags, and reports."""
+"""A campaign: the runs of a plan one after the other, their bags, and the report."""
 
 import shutil
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 from piezo_ros.bag import open_recording
-from piezo_ros.experiment.errors import CampaignError, PlanError
-from piezo_ros.experiment.plan import Plan, PlannedRun
-from piezo_ros.experiment.provenance import software_versions
+from piezo_ros.experiment.output_directory import PLAN_COPY
+from piezo_ros.experiment.plan import Plan
+from piezo_ros.parameters.errors import CampaignError
+from piezo_ros.parameters.provenance import software_versions
+from piezo_ros.parameters.run import PlannedRun, RunResult
 from piezo_ros.report import ScoredRun, score
 
-__all__ = ['PLAN_COPY', 'Campaign', 'RunResult', 'prepare_directory', 'run_campaign']
-
-# Only what bears this name is ever deleted: a plan.yaml of the user's own may lie anywhere.
-_MARKER: Final = '.piezo_output'
-PLAN_COPY: Final = 'plan.yaml'
-
-
-@dataclass(frozen=True)
-class RunResult:
-    """
-    How one run went.
-
-    Attributes
-    ----------
-    wall_seconds : float
-        Wall-clock time from the first sample to the last, without start-up.
-    notes : tuple of str
-        What a reader of the report should know.
-
-    """
-
-    wall_seconds: float
-    notes: tuple[str, ...] = ()
+__all__ = ['Campaign', 'run_campaign']
 
 
 @dataclass(frozen=True)
@@ -68,35 +48,6 @@ class Campaign:
 
     runs: tuple[ScoredRun, ...]
     report: Path | None
-
-
-def prepare_directory(directory: Path, *, force: bool) -> None:
-    """
-    Make a directory for the output, empty but for a mark that says what it is.
-
-    Parameters
-    ----------
-    directory : Path
-        Where the output goes.
-    force : bool
-        Replace an earlier output, which bears the mark; nothing else is ever deleted.
-
-    Raises
-    ------
-    PlanError
-        If the directory exists and may not be replaced.
-
-    """
-    if directory.exists() and (not directory.is_dir() or any(directory.iterdir())):
-        if not force:
-            raise PlanError(f'{directory} exists; --force replaces it')
-        if not (directory / _MARKER).is_file():
-            raise PlanError(
-                f'{directory} exists and is no earlier output (it has no {_MARKER}); '
-                'it is not replaced')
-        shutil.rmtree(directory)
-    directory.mkdir(parents=True, exist_ok=True)
-    (directory / _MARKER).touch()
 
 
 def run_campaign(
@@ -139,7 +90,7 @@ def run_campaign(
     predictions: dict[str, dict[str, Any]] = {}
     failure: CampaignError | None = None
     for number, planned in enumerate(plan.runs, start=1):
-        announce(f'[{number}/{len(plan.runs)}] {describe(planned)}')
+        announce(f'[{number}/{len(plan.runs)}] {planned.description}')
         bag = directory / 'bags' / planned.name
         try:
             result = run(planned, bag)
@@ -151,7 +102,7 @@ def run_campaign(
             break
         notes += [f'{planned.name}: {note}' for note in result.notes]
         if planned.changes:
-            notes.append(f'{planned.name} changes during the run: {describe(planned)}')
+            notes.append(f'{planned.name} changes during the run: {planned.description}')
         if planned.prediction:
             predictions[str(bag.relative_to(directory))] = planned.prediction.record()
             notes.append(
@@ -176,20 +127,3 @@ def _scored(plan: Plan, directory: Path, bag: Path, result: RunResult) -> Scored
             wall_seconds=result.wall_seconds)
     except ValueError as error:
         raise CampaignError(f'{bag} cannot be scored: {error}') from None
-
-
-def describe(planned: PlannedRun) -> str:
-    """Return one line about a run."""
-    trajectory = planned.trajectory
-    if planned.bare:
-        return (
-            f'bare actuator: {trajectory.waveform} {trajectory.amplitude_v:g} V, '
-            f'{trajectory.frequency_hz:g} Hz, {trajectory.samples} samples')
-    # What follows during the run counts as much as what it begins with.
-    schemes = [planned.controller.scheme, *(
-        f'{change.values.get("scheme", "other gains")} from sample {change.at_sample} on'
-        for change in planned.changes)]
-    return (
-        f'{", ".join(schemes)}: {trajectory.waveform} {trajectory.amplitude_um:g} um, '
-        f'{trajectory.frequency_hz:g} Hz, m = {trajectory.harmonics}, '
-        f'{trajectory.samples} samples')

@@ -16,59 +16,24 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from piezo_ros.experiment.errors import PlanError
-from piezo_ros.experiment.node_parameters import check_node_parameters
-from piezo_ros.experiment.parameter_file import read_parameter_file, read_yaml
-from piezo_ros.model import DynamicsParameters, LinearDynamics, ParameterError, ParameterSet
+from piezo_ros.model import DynamicsParameters, LinearDynamics
+from piezo_ros.parameters.errors import PlanError
+from piezo_ros.parameters.parameter_file import read_parameter_set, read_yaml
 
 if TYPE_CHECKING:
     import control
 
     from piezo_ros.identification.tuning.linear_plant import Model
 
-__all__ = ['BOUND_KIND', 'RATIONAL_KIND', 'read_bound', 'read_dynamics', 'read_node_model']
+__all__ = ['BOUND_KIND', 'RATIONAL_KIND', 'read_bound', 'read_dynamics']
 
 BOUND_KIND = 'uncertainty_bound'
 RATIONAL_KIND = 'rational_dynamics'
 FORMAT_VERSION = 1
-_Set = TypeVar('_Set', bound=ParameterSet)
-
-
-def read_node_model(
-    path: Path, node: str, parameter_set: type[_Set], assumed: Mapping[str, Any] | None = None,
-) -> _Set:
-    """
-    Return a parameter set out of a ROS parameter file.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-    node : str
-        The node whose section holds it.
-    parameter_set : type of ParameterSet
-        Which of the node's parameters.
-    assumed : mapping of str to value, optional
-        What holds where the file does not say otherwise; then come the node's own defaults.
-
-    Raises
-    ------
-    PlanError
-        If the file says nothing of the node, or something that the node refuses.
-
-    """
-    sections = read_parameter_file(path, [node])
-    if node not in sections:
-        raise PlanError(f'{path} has no section for {node}')
-    try:
-        values = check_node_parameters(node, {**(assumed or {}), **sections[node]})
-        return parameter_set.among(values)
-    except ParameterError as error:
-        raise PlanError(f'{path}: {error}') from None
 
 
 def read_bound(path: Path) -> 'control.TransferFunction':
@@ -101,7 +66,7 @@ def read_dynamics(path: Path) -> 'Model':
     """
     content = read_yaml(path)
     if not (isinstance(content, Mapping) and 'kind' in content):
-        return LinearDynamics(read_node_model(path, 'trajectory', DynamicsParameters))
+        return LinearDynamics(read_parameter_set(path, 'trajectory', DynamicsParameters))
     from piezo_ros.identification.tuning.linear_plant import LinearPlant
     content = _read_kind(path, content, RATIONAL_KIND)
     try:

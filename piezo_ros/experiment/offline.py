@@ -29,10 +29,10 @@ from piezo_ros.control import (
     simulate,
     simulate_bare,
 )
-from piezo_ros.experiment.campaign import RunResult
-from piezo_ros.experiment.plan import PlannedRun
-from piezo_ros.experiment.provenance import parameters_yaml, run_metadata
 from piezo_ros.model import HysteresisParameters, RigParameters
+from piezo_ros.parameters.parameter_file import parameters_yaml
+from piezo_ros.parameters.provenance import run_metadata
+from piezo_ros.parameters.run import PlannedRun, RunResult
 
 __all__ = ['compile_loop', 'simulate_run', 'simulated_streams', 'write_run']
 
@@ -95,7 +95,7 @@ def write_run(
 
     """
     period_s = planned.trajectory.sample_period_s
-    parameters = {stage: planned.parameters[stage] for stage in planned.stages}
+    parameters = {node: planned.parameters[node] for node in planned.stages}
     topics = {stream: f'/{stream}' for stream in streams}
     with BagWriter(bag, topics=topics, metadata=run_metadata(parameters)) as writer:
         writer.attach_parameters(parameters_yaml('/', parameters))

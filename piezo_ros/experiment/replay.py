@@ -15,7 +15,7 @@
 """
 What a recorded run would have been with other gains, another compensator, another scheme.
 
-The recorded reference and feedforward drive the loop again, through the stages that the bag's
+The recorded reference and feedforward drive the loop again, through the nodes that the bag's
 parameters describe; what is not replaced gives the recorded bits.
 """
 
@@ -27,11 +27,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from piezo_ros.bag import BagError, Run
+from piezo_ros.bag.recorded_node import recorded_node
 from piezo_ros.control import ClosedLoopRun, ControllerParameters, TrajectoryParameters
 from piezo_ros.control.changes import Change, parse_changes, segments, without
 from piezo_ros.control.closed_loop import run_loop
-from piezo_ros.control.trajectory import trajectory_blocks
-from piezo_ros.experiment.roles import recorded_node
+from piezo_ros.control.trajectory_blocks import trajectory_blocks
 from piezo_ros.model import HysteresisParameters, ParameterError, ParameterSet, RigParameters
 
 __all__ = ['ReplayResult', 'replay']
@@ -60,10 +60,10 @@ class ReplayResult:
     overridden : tuple of str
         What was given instead of taken from the bag.
     assumed : mapping of str to tuple of str
-        Stage to its parameters that the bag lacks: their defaults were taken.
+        Node to its parameters that the bag lacks: their defaults were taken.
     same_samples : mapping of str to int
         Recorded stream to the number of samples, from the first on, that the same loop without
-        anything overridden gives bit for bit; empty where the bag does not tell all stages. Less
+        anything overridden gives bit for bit; empty where the bag does not tell all nodes. Less
         than the whole stream, and the replay is of a rig that behaved otherwise.
 
     """
@@ -79,7 +79,7 @@ class ReplayResult:
 
     @property
     def is_faithful(self) -> bool:
-        """Whether the bag's own stages give the recorded run bit for bit."""
+        """Whether the bag's own nodes give the recorded run bit for bit."""
         return bool(self.same_samples) and all(
             count >= min(self.recorded.whole(stream)[1].size, _of(self.streams, stream).size)
             for stream, count in self.same_samples.items())
@@ -94,7 +94,7 @@ def replay(
     plant: RigParameters | Mapping[str, Any] | None = None,
 ) -> ReplayResult:
     """
-    Simulate a recorded run again, with some of its stages replaced.
+    Simulate a recorded run again, with some of its nodes replaced.
 
     Parameters
     ----------
@@ -119,7 +119,7 @@ def replay(
     Raises
     ------
     BagError
-        If the bag does not begin with the run, lacks the reference, tells nothing of a stage that
+        If the bag does not begin with the run, lacks the reference, tells nothing of a node that
         is not given, or of several nodes with the same role.
     ParameterError
         If a parameter of the bag or the scheme is out of range.
@@ -129,9 +129,9 @@ def replay(
     given: dict[str, object] = {
         'controller': controller, 'compensator': compensator, 'plant': plant}
     recorded = _Recorded(run)
-    own_controller = recorded.stage('controller', ControllerParameters)
-    own_compensator = recorded.stage('compensator', HysteresisParameters)
-    own_plant = recorded.stage('plant', RigParameters)
+    own_controller = recorded.node('controller', ControllerParameters)
+    own_compensator = recorded.node('compensator', HysteresisParameters)
+    own_plant = recorded.node('plant', RigParameters)
     law = recorded.required(
         'controller', _replaced(own_controller, controller, ControllerParameters))
     inverted = recorded.required(
@@ -166,25 +166,25 @@ def replay(
         recorded=run, streams=streams, controller=law, compensator=inverted, plant=rig,
         overridden=tuple(name for name, value in given.items() if value is not None),
         assumed={
-            stage: names for stage, names in recorded.assumed.items()
-            if not isinstance(given[stage], ParameterSet)},
+            node: names for node, names in recorded.assumed.items()
+            if not isinstance(given[node], ParameterSet)},
         same_samples=same)
 
 
 class _Recorded:
-    """The stages as the bag's parameters describe them."""
+    """The nodes as the bag's parameters describe them."""
 
     def __init__(self, run: Run) -> None:
         self._run = run
         self.assumed: dict[str, tuple[str, ...]] = {}
 
-    def parameters(self, stage: str) -> dict[str, Any] | None:
-        """Return what the bag tells of a stage in the namespace of the run."""
-        return recorded_node(self._run, stage)
+    def parameters(self, node: str) -> dict[str, Any] | None:
+        """Return what the bag tells of a node in the namespace of the run."""
+        return recorded_node(self._run, node)
 
-    def stage(self, stage: str, kind: type[_Set]) -> _Set | None:
-        """Return a stage, defaults for what the bag lacks; None if it tells nothing of it."""
-        values = self.parameters(stage)
+    def node(self, node: str, kind: type[_Set]) -> _Set | None:
+        """Return the parameters of a node, else defaults; None if the bag tells nothing of it."""
+        values = self.parameters(node)
         if values is None:
             return None
         names = [field.name for field in fields(kind)]
@@ -192,11 +192,11 @@ class _Recorded:
         if len(missing) == len(names):
             return None
         if missing:
-            self.assumed[stage] = missing
+            self.assumed[node] = missing
         try:
             return kind.from_mapping({name: values[name] for name in names if name in values})
         except ParameterError as error:
-            raise ParameterError(f'{self._run.path}: {stage}: {error}') from None
+            raise ParameterError(f'{self._run.path}: {node}: {error}') from None
 
     def changes(self) -> tuple[Change, ...]:
         """Return the changes of gains and scheme during the run."""
@@ -206,12 +206,12 @@ class _Recorded:
         except ParameterError as error:
             raise ParameterError(f'{self._run.path}: controller: {error}') from None
 
-    def required(self, stage: str, value: _Set | None) -> _Set:
-        """Return a stage that there must be."""
+    def required(self, node: str, value: _Set | None) -> _Set:
+        """Return the parameters of a node, which there must be."""
         if value is None:
             known = ', '.join(sorted(self._run.parameters)) or 'none'
             raise BagError(
-                f'{self._run.path} tells nothing of the {stage} in the namespace '
+                f'{self._run.path} tells nothing of the {node} in the namespace '
                 f'{self._run.namespace} (nodes with parameters: {known}); it must be given')
         return value
 
@@ -231,7 +231,7 @@ def _given_of(
 def _replaced(
     own: _Set | None, given: _Set | Mapping[str, Any] | None, kind: type[_Set],
 ) -> _Set | None:
-    """Return a stage with what was given instead of its own."""
+    """Return the parameters of a node with what was given in place of its own."""
     if given is None:
         return own
     if isinstance(given, Mapping):
@@ -252,7 +252,7 @@ def _feedforward(run: Run, recorded: _Recorded, samples: int, needed: bool) -> _
     """Return the recorded feedforward, else the one the bag's trajectory would have sent."""
     if 'feedforward' in run.streams:
         return _from_the_start(run, 'feedforward')[:samples]
-    trajectory = recorded.stage('trajectory', TrajectoryParameters)
+    trajectory = recorded.node('trajectory', TrajectoryParameters)
     if trajectory is not None:
         return np.array(trajectory_blocks(trajectory, compiled=True)(0, samples)[1])
     if needed:

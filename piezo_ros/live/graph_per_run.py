@@ -20,13 +20,12 @@ from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import Any, Final
 
-from piezo_ros.experiment.campaign import RunResult
-from piezo_ros.experiment.errors import CampaignError
-from piezo_ros.experiment.plan import PlannedRun
 from piezo_ros.live.process_group import POLL_S
 from piezo_ros.live.rescue import rescue
 from piezo_ros.live.run_parameters import run_parameters
 from piezo_ros.live.supervisor import Supervisor, stopped_by
+from piezo_ros.parameters.errors import CampaignError
+from piezo_ros.parameters.run import PlannedRun, RunResult
 from piezo_ros.runtime.process.running_time import RunningTime
 
 __all__ = ['GraphPerRun']

@@ -27,14 +27,13 @@ from typing import Any, Final
 
 from lifecycle_msgs.msg import Transition
 
-from piezo_ros.experiment.campaign import RunResult
-from piezo_ros.experiment.errors import CampaignError
-from piezo_ros.experiment.node_parameters import NODE_PARAMETERS
-from piezo_ros.experiment.plan import PlannedRun
 from piezo_ros.live.node_services import NodeServices
 from piezo_ros.live.rescue import rescue
 from piezo_ros.live.run_parameters import run_parameters
 from piezo_ros.live.supervisor import Supervisor
+from piezo_ros.parameters.errors import CampaignError
+from piezo_ros.parameters.node_parameters import NODE_PARAMETERS
+from piezo_ros.parameters.run import PlannedRun, RunResult
 from piezo_ros.runtime.node.parameters import names_by_change
 
 __all__ = ['KeptGraph']

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Hands the table of `piezo_ros.experiment.launching` over to `launch`."""
+"""Hands the tables of `piezo_ros.launching` over to `launch`."""
 
 from pathlib import Path
 from typing import Any
@@ -26,12 +26,8 @@ from launch.logging import get_logger
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
-from piezo_ros.experiment.launching import (
-    LAUNCH_FILES,
-    given_arguments,
-    node_processes,
-    reason_to_end,
-)
+from piezo_ros.launching.arguments import LAUNCH_FILES, given_arguments
+from piezo_ros.launching.processes import node_processes, reason_to_end
 
 __all__ = ['describe']
 

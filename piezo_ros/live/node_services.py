@@ -22,8 +22,8 @@ from lifecycle_msgs.srv import ChangeState, GetState
 from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.parameter import Parameter
 
-from piezo_ros.experiment.errors import CampaignError
 from piezo_ros.live.supervisor import Supervisor
+from piezo_ros.parameters.errors import CampaignError
 
 __all__ = ['NodeServices']
 

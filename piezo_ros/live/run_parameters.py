@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from piezo_ros.bag import STREAMS
-from piezo_ros.experiment.plan import PlannedRun
+from piezo_ros.parameters.run import PlannedRun
 
 __all__ = ['run_parameters']
 

@@ -32,9 +32,9 @@ import yaml
 from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import String
 
-from piezo_ros.experiment.errors import CampaignError
 from piezo_ros.interruption import was_interrupted
 from piezo_ros.live.process_group import POLL_S, ProcessGroup
+from piezo_ros.parameters.errors import CampaignError
 from piezo_ros.runtime.process.leaving import destroy_after_others
 from piezo_ros.runtime.process.middleware import set_middleware_defaults
 from piezo_ros.runtime.process.running_time import RunningTime

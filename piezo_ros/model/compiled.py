@@ -16,7 +16,7 @@
 Compiles array kernels around the shared steps (see `piezo_ros.model.step`).
 
 Compiled code is kept in the user's cache under a digest of the package's own sources: numba alone
-looks at the time stamp of the kernel's file only and would keep a kernel whose steps have changed.
+looks at the time stamp of the kernel's file only and would keep a kernel with former steps.
 """
 
 import hashlib

@@ -25,10 +25,10 @@ from piezo_ros.control.changes import CHANGEABLE, ChangeParameters, parse_change
 from piezo_ros.control.control_law import ControlLaw, check_command
 from piezo_ros.control.controller import AUTO, ControllerParameters
 from piezo_ros.control.pi_controller import PiController
-from piezo_ros.experiment.node_parameters import DemandParameters
 from piezo_ros.model.parameters import ParameterError
 from piezo_ros.nodes.demand import DemandWriter
 from piezo_ros.nodes.law_schedule import LawSchedule
+from piezo_ros.parameters.node_parameters import DemandParameters
 from piezo_ros.runtime.node.loop_node import LoopNode
 from piezo_ros.runtime.node.parameters import read
 from piezo_ros.runtime.streams.bursts import BURST_BLOCKS, MOST_JOINED

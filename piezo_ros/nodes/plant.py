@@ -22,16 +22,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from piezo_ros.control.demagnetisation import demagnetising_voltage
-from piezo_ros.experiment.node_parameters import (
+from piezo_ros.model import Rig, RigParameters
+from piezo_ros.nodes.demand import DemandWriter
+from piezo_ros.nodes.pace import Pace
+from piezo_ros.nodes.simulated_clock import SimulatedClock
+from piezo_ros.parameters.node_parameters import (
     BareParameters,
     HistoryParameters,
     PaceParameters,
     SafetyParameters,
 )
-from piezo_ros.model import Rig, RigParameters
-from piezo_ros.nodes.demand import DemandWriter
-from piezo_ros.nodes.pace import Pace
-from piezo_ros.nodes.simulated_clock import SimulatedClock
 from piezo_ros.runtime.node.answering import AnsweringNode
 from piezo_ros.runtime.node.parameters import read
 from piezo_ros.runtime.node.stream_node import ServiceRefusedError

@@ -21,13 +21,12 @@ from typing import Any
 from rclpy.parameter_client import AsyncParameterClient
 
 from piezo_ros.bag import BagError, BagWriter
-from piezo_ros.experiment.launching import STAGES
-from piezo_ros.experiment.node_parameters import RecorderParameters
-from piezo_ros.experiment.parameter_file import read_parameter_file
-from piezo_ros.experiment.provenance import parameters_yaml, run_metadata
-from piezo_ros.experiment.roles import parameters_by_role
 from piezo_ros.model.parameters import ParameterError
 from piezo_ros.nodes.peer_parameters import PeerParameters
+from piezo_ros.parameters.node_parameters import LOOP_NODES, RecorderParameters
+from piezo_ros.parameters.parameter_file import parameters_yaml, read_parameter_file
+from piezo_ros.parameters.provenance import run_metadata
+from piezo_ros.parameters.roles import parameters_by_role
 from piezo_ros.runtime.node.loop_node import LoopNode
 from piezo_ros.runtime.node.parameters import read
 from piezo_ros.runtime.process.running_time import RunningTime
@@ -136,7 +135,7 @@ class Recorder(LoopNode):
         if not self._recording.parameters_file:
             return {}
         prefix = self.get_namespace().rstrip('/')
-        sections = read_parameter_file(Path(self._recording.parameters_file), STAGES)
+        sections = read_parameter_file(Path(self._recording.parameters_file), LOOP_NODES)
         return {f'{prefix}/{role}': values for role, values in sections.items()}
 
     def _write_pending(self, bag: BagWriter) -> None:

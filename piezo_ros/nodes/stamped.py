@@ -33,7 +33,7 @@ from rclpy.subscription import Subscription
 from std_msgs.msg import Float64MultiArray
 
 from piezo_ros.bag import STREAMS
-from piezo_ros.experiment.node_parameters import StampedParameters
+from piezo_ros.parameters.node_parameters import StampedParameters
 from piezo_ros.runtime.node.guard import explain, guard_services
 from piezo_ros.runtime.node.observation import newest_topic
 from piezo_ros.runtime.node.parameters import declare, read

@@ -16,9 +16,10 @@
 
 from typing import Any
 
-from piezo_ros.control.trajectory import TrajectoryParameters, trajectory_blocks
-from piezo_ros.experiment.node_parameters import BlockParameters
+from piezo_ros.control.trajectory import TrajectoryParameters
+from piezo_ros.control.trajectory_blocks import trajectory_blocks
 from piezo_ros.nodes.demand import NO_MORE, DemandReader
+from piezo_ros.parameters.node_parameters import BlockParameters
 from piezo_ros.runtime.node.loop_node import LoopNode
 from piezo_ros.runtime.node.parameters import read
 from piezo_ros.runtime.streams.bursts import BURST_BLOCKS

@@ -22,8 +22,8 @@ from typing import Any
 
 from rclpy.utilities import remove_ros_args
 
-from piezo_ros.experiment.node_parameters import NODE_PARAMETERS, parameter_sets
 from piezo_ros.model.parameters import constraint_of
+from piezo_ros.parameters.node_parameters import NODE_PARAMETERS, parameter_sets
 
 __all__ = ['answer_usage']
 

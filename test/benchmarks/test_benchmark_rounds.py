@@ -35,7 +35,7 @@ from benchmarks.record import (
     read_record,
     record_table,
 )
-from piezo_ros.experiment.errors import CampaignError
+from piezo_ros.parameters.errors import CampaignError
 
 
 def measurement(name, values, group='group', missing='', better=True):

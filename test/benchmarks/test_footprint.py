@@ -18,15 +18,15 @@ pytest.importorskip('rclpy')
 
 from benchmarks import footprint
 from benchmarks.footprint import service_latency_ms, start_beside_peers_s
-from piezo_ros.experiment.errors import CampaignError
-from piezo_ros.experiment.node_parameters import check_node_parameters
-from piezo_ros.experiment.plan import STAGES, PlannedRun
+from piezo_ros.parameters.errors import CampaignError
+from piezo_ros.parameters.node_parameters import LOOP_NODES, check_node_parameters
+from piezo_ros.parameters.run import PlannedRun
 
 
 def planned(periods, **plant):
     parameters = {'trajectory': {'periods': periods}, 'plant': plant}
     return PlannedRun('bench', {
-        stage: check_node_parameters(stage, parameters.get(stage, {})) for stage in STAGES})
+        node: check_node_parameters(node, parameters.get(node, {})) for node in LOOP_NODES})
 
 
 def test_start_memory_and_idling_of_four_processes_are_measured(monkeypatch):

@@ -20,7 +20,7 @@ pytest.importorskip('rclpy')
 
 from benchmarks.other_rings import missing_transport
 from benchmarks.rates import other_ring_rate
-from piezo_ros.experiment.errors import CampaignError
+from piezo_ros.parameters.errors import CampaignError
 
 
 @pytest.mark.parametrize('transport', [

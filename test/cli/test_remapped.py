@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Every command on a run of renamed nodes whose streams were remapped to topics of other names."""
+"""Every command on a run of renamed nodes with streams remapped to topics of other names."""
 
 import json
 
@@ -24,7 +24,8 @@ from piezo_ros.bag import STREAMS, BagWriter, BlockCodec, read
 from piezo_ros.cli.main import main
 from piezo_ros.experiment.offline import simulate_run
 from piezo_ros.experiment.plan import read_plan
-from piezo_ros.experiment.provenance import parameters_yaml, run_metadata
+from piezo_ros.parameters.parameter_file import parameters_yaml
+from piezo_ros.parameters.provenance import run_metadata
 from piezo_ros.streams.message_type import DEFINITION, TYPE_NAME
 
 TOPICS = {

@@ -22,7 +22,7 @@ from piezo_ros.bag import BagWriter, read
 from piezo_ros.cli.main import main
 from piezo_ros.experiment.offline import simulate_run
 from piezo_ros.experiment.plan import read_plan
-from piezo_ros.experiment.provenance import parameters_yaml
+from piezo_ros.parameters.parameter_file import parameters_yaml
 
 
 def parameter_file(path, node, **values):

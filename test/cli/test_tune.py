@@ -19,8 +19,8 @@ import yaml
 
 from piezo_ros.cli.main import main
 from piezo_ros.control import ControllerParameters
-from piezo_ros.experiment.parameter_file import read_parameter_file
 from piezo_ros.model import DynamicsParameters
+from piezo_ros.parameters.parameter_file import read_parameter_file
 
 ROOT = Path(__file__).resolve().parents[2]
 

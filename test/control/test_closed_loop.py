@@ -24,12 +24,12 @@ from piezo_ros.control.controller import (
 )
 from piezo_ros.control.controller import initial_state as initial_controller_state
 from piezo_ros.control.trajectory import trajectory_constants, trajectory_step
-from piezo_ros.experiment.parameter_file import read_parameter_file
 from piezo_ros.model import HysteresisParameters, RigParameters
 from piezo_ros.model.hysteresis import hysteresis_constants, hysteresis_state, inverse_step
 from piezo_ros.model.noise import NoiseSource
 from piezo_ros.model.rig import initial_state, measure_step, rig_constants, rig_step
 from piezo_ros.paper import TABLE_4
+from piezo_ros.parameters.parameter_file import read_parameter_file
 from piezo_ros.report import nrmse
 
 RIG = RigParameters.from_mapping(read_parameter_file(

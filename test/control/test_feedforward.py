@@ -47,7 +47,7 @@ def streams(parameters):
 
 @pytest.mark.parametrize('waveform', ['triangle', 'sine'])
 def test_the_fourier_series_is_that_of_the_waveform(waveform):
-    # A frequency whose period is a whole number of samples, so that nothing leaks.
+    # The period is a whole number of samples, so that nothing leaks.
     parameters = TrajectoryParameters(
         waveform=waveform, amplitude_um=1.7, frequency_hz=1.0, periods=1.0, harmonics=0)
     reference_um, _ = streams(parameters)

@@ -18,11 +18,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from piezo_ros.control import TrajectoryParameters
-from piezo_ros.control.trajectory import (
-    trajectory_blocks,
-    trajectory_constants,
-    trajectory_step,
-)
+from piezo_ros.control.trajectory import trajectory_constants, trajectory_step
+from piezo_ros.control.trajectory_blocks import trajectory_blocks
 
 PERIODIC = st.sampled_from(['triangle', 'sine'])
 # What a scan is likely to have: 1000, 200, 320 samples and more that one or several periods take.

@@ -19,11 +19,13 @@ import pytest
 
 from piezo_ros.bag import read
 from piezo_ros.control import simulate
-from piezo_ros.experiment.campaign import RunResult, prepare_directory, run_campaign
-from piezo_ros.experiment.errors import CampaignError, PlanError
+from piezo_ros.experiment.campaign import run_campaign
 from piezo_ros.experiment.offline import simulate_run
+from piezo_ros.experiment.output_directory import prepare_directory
 from piezo_ros.experiment.plan import read_plan
 from piezo_ros.paper import TABLE_4
+from piezo_ros.parameters.errors import CampaignError
+from piezo_ros.parameters.run import RunResult
 
 KEYS = {
     'scheme': str, 'waveform': str, 'amplitude_um': float, 'frequency_hz': float,
@@ -160,47 +162,9 @@ def test_a_campaign_that_breaks_off_reports_what_it_has(plan, output):
 
 def test_a_campaign_that_breaks_off_at_once_writes_no_report(plan, output):
     def run(planned, bag):
-        raise CampaignError('nobody there')
+        raise CampaignError('no node there')
 
-    with pytest.raises(CampaignError, match='nobody there'):
+    with pytest.raises(CampaignError, match='no node there'):
         run_campaign(plan, output, run)
     assert not (output / 'report.html').exists()
     prepare_directory(output, force=True)  # and it may be replaced
-
-
-def test_an_absent_or_empty_directory_is_taken(tmp_path):
-    for directory in (tmp_path / 'deep' / 'new', tmp_path / 'empty'):
-        if directory.name == 'empty':
-            directory.mkdir()
-        prepare_directory(directory, force=False)
-        assert directory.is_dir()
-
-
-def test_an_earlier_output_is_replaced_by_force_only(plan, output):
-    run_campaign(plan, output, simulate_run)
-    with pytest.raises(PlanError, match='out exists; --force replaces it'):
-        prepare_directory(output, force=False)
-    assert (output / 'report.html').exists()
-    prepare_directory(output, force=True)
-    assert not (output / 'report.html').exists()
-    assert not (output / 'bags').exists()
-
-
-@pytest.mark.parametrize('name', ['thesis.tex', 'plan.yaml', 'report.html', 'bags/run/run.mcap'])
-@pytest.mark.parametrize('force', [False, True])
-def test_a_directory_of_somebody_else_is_never_deleted(tmp_path, name, force):
-    precious = tmp_path / 'mine' / name
-    precious.parent.mkdir(parents=True)
-    precious.write_text('years of work')
-    with pytest.raises(PlanError, match='exists'):
-        prepare_directory(tmp_path / 'mine', force=force)
-    assert precious.read_text() == 'years of work'
-
-
-@pytest.mark.parametrize('force', [False, True])
-def test_a_file_is_not_taken_for_a_directory(tmp_path, force):
-    path = tmp_path / 'mine'
-    path.write_text('years of work')
-    with pytest.raises(PlanError, match='mine exists'):
-        prepare_directory(path, force=force)
-    assert path.read_text() == 'years of work'

@@ -20,9 +20,9 @@ from piezo_ros.bag import BagError, BagWriter, read
 from piezo_ros.control import ControllerParameters, simulate
 from piezo_ros.experiment.offline import simulate_run
 from piezo_ros.experiment.plan import read_plan
-from piezo_ros.experiment.provenance import parameters_yaml
 from piezo_ros.experiment.replay import replay
 from piezo_ros.model import HysteresisParameters, ParameterError, RigParameters
+from piezo_ros.parameters.parameter_file import parameters_yaml
 
 STREAMS = ('reference_um', 'feedforward_um', 'command_um', 'voltage_v', 'displacement_um')
 OTHER_HYSTERESIS = HysteresisParameters(kappa_um_per_v=(3.0, 1.3), saturation_v=(0.1,))

@@ -33,8 +33,8 @@ from piezo_ros.control import (
     simulate,
     simulate_bare,
 )
-from piezo_ros.experiment.provenance import parameters_yaml
 from piezo_ros.model import HysteresisParameters, RigParameters
+from piezo_ros.parameters.parameter_file import parameters_yaml
 from piezo_ros.streams.message_type import DEFINITION, TYPE_HASH, TYPE_NAME
 
 PERIOD_S = 1e-5

@@ -19,7 +19,7 @@ from pathlib import Path
 
 import pytest
 
-from piezo_ros.experiment.launching import LAUNCH_FILES
+from piezo_ros.launching.arguments import LAUNCH_FILES
 
 FOLDER = Path(__file__).parents[2] / 'launch'
 

@@ -28,7 +28,7 @@ from pathlib import Path
 
 import pytest
 
-from piezo_ros.experiment.launching import LAUNCH_FILES
+from piezo_ros.launching.arguments import LAUNCH_FILES
 
 ROOT = Path(__file__).parents[2]
 PATIENCE_S = 30.0
@@ -202,7 +202,7 @@ def test_who_fails_takes_its_own_rig_along_and_the_log_says_so(launched, compose
         f'[ERROR] [piezo_ros]: /one: {stages[-1]} failed with exit code 3; ending the other nodes '
         'of this rig', *all_of('_one', 'stopped', ('recorder', *stages[:-1])))
     assert '_two recorder stopped' not in launch.said
-    # One that ends well without being the recorder ends nobody.
+    # One that ends well without being the recorder ends no other.
     launch.end('_two', stages[0], 0)
     launch.wait_for(f'_two {stages[0]} ended')
     launch.end('_two', 'recorder', 0)

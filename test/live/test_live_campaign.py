@@ -28,7 +28,7 @@ from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 
 from piezo_ros.bag import STREAMS, read
-from piezo_ros.experiment.node_parameters import NODE_PARAMETERS
+from piezo_ros.parameters.node_parameters import NODE_PARAMETERS
 
 # Three in a row of the scheme in which all nodes take part.
 SCHEMES = ('fb', 'ff', 'open_loop', 'fbff', 'fbff', 'fbff')

@@ -18,7 +18,6 @@ from dataclasses import dataclass
 import pytest
 
 from piezo_ros.control import ControllerParameters, TrajectoryParameters
-from piezo_ros.experiment.node_parameters import NODE_PARAMETERS
 from piezo_ros.model import (
     DynamicsParameters,
     HysteresisParameters,
@@ -27,6 +26,7 @@ from piezo_ros.model import (
     RigParameters,
 )
 from piezo_ros.model.parameters import parameter
+from piezo_ros.parameters.node_parameters import NODE_PARAMETERS
 
 SETS = [
     DynamicsParameters, HysteresisParameters, RigParameters, ControllerParameters,

@@ -89,7 +89,7 @@ class Player:
 
 @pytest.fixture(scope='module')
 def recorded(make_rig, write_plan):
-    """A rig in whose namespace two runs were recorded, and their bags."""
+    """A rig with two runs recorded in its namespace, and their bags."""
     rig = make_rig()
     process = rig.piezo(
         'run', write_plan('fbff', 'ff', periods=2), '-o', rig.directory / 'out', '--composed')
@@ -131,7 +131,7 @@ def test_a_played_bag_gives_the_recorded_stream_again_whatever_the_rate(
             if rate == BEFORE:
                 player.play(rate)
             assert peer.change_state(stage, 'activate')
-            # Active is who has found the player: not only the player it.
+            # An active node has found the player: not only the player the node.
             if rate != BEFORE:
                 player.play(rate)
             peer.wait_for_status(stage, state='finished', index=expected.size, refused=0)

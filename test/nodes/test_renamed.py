@@ -24,8 +24,8 @@ import pytest
 from piezo_ros.bag import STREAMS, read
 from piezo_ros.cli.main import main
 from piezo_ros.control import ControllerParameters, TrajectoryParameters, simulate
-from piezo_ros.experiment.parameter_file import read_parameter_file
 from piezo_ros.model import HysteresisParameters, RigParameters
+from piezo_ros.parameters.parameter_file import read_parameter_file
 
 CONFIG = Path(__file__).parents[2] / 'config'
 FILES = {'plant': 'rig', 'compensator': 'compensator', 'controller': 'controller',

@@ -28,11 +28,11 @@ from std_msgs.msg import Float64, Float64MultiArray
 
 from piezo_ros.bag import STREAMS, MalformedBlockError, read
 from piezo_ros.control import ControllerParameters, TrajectoryParameters, simulate
-from piezo_ros.experiment.node_parameters import StampedParameters
 from piezo_ros.experiment.offline import simulated_streams
 from piezo_ros.experiment.plan import read_plan
 from piezo_ros.model import HysteresisParameters, RigParameters
 from piezo_ros.nodes.stamped import Sample, joint_state_fields, newest_sample, time_of
+from piezo_ros.parameters.node_parameters import StampedParameters
 
 EXAMPLE = Path(__file__).parents[2] / 'docs' / 'examples' / 'ros2_control'
 PERIOD_S = 1e-5

@@ -27,7 +27,8 @@ import pytest
 import yaml
 
 from piezo_ros.bag import STREAMS
-from piezo_ros.experiment.launching import LAUNCH_FILES, node_processes
+from piezo_ros.launching.arguments import LAUNCH_FILES
+from piezo_ros.launching.processes import node_processes
 
 ROOT = Path(__file__).parents[2]
 PATIENCE_S = 90.0
@@ -179,7 +180,7 @@ def _rigs(make_directory):
 
 @pytest.fixture
 def rig(tmp_path):
-    """One rig whose processes end with the test."""
+    """One rig; its processes end with the test."""
     yield from (make() for make in _rigs(lambda: tmp_path))
 
 
@@ -201,7 +202,7 @@ def launched(rig):
 
 @pytest.fixture(scope='module')
 def make_rig(tmp_path_factory):
-    """Make rigs whose processes end with the module."""
+    """Make rigs; their processes end with the module."""
     yield from _rigs(lambda: tmp_path_factory.mktemp('rig'))
 
 

@@ -63,7 +63,8 @@ from piezo_ros.identification.hysteresis.records import (
     make_records,
     predict,
 )
-from piezo_ros.model.hysteresis import HysteresisParameters, MaxwellResistiveCapacitor
+from piezo_ros.model.hysteresis import HysteresisParameters
+from piezo_ros.model.mrc_operator import MaxwellResistiveCapacitor
 
 __all__ = ['Coverage', 'HysteresisFit', 'fit_hysteresis']
 

@@ -46,7 +46,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
-from piezo_ros.control.trajectory import TrajectoryParameters, trajectory_blocks
+from piezo_ros.control.trajectory import TrajectoryParameters
+from piezo_ros.control.trajectory_blocks import trajectory_blocks
 from piezo_ros.identification.tuning.controller_file import controller_file
 from piezo_ros.identification.tuning.feedback_table import FeedbackTable
 from piezo_ros.identification.tuning.itae import itae

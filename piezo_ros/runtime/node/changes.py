@@ -20,12 +20,12 @@ from typing import Any
 
 from rclpy.parameter import Parameter
 
-from piezo_ros.experiment.node_parameters import (
+from piezo_ros.parameters.node_parameters import (
     NODE_PARAMETERS,
     StageParameters,
     parameter_names,
 )
-from piezo_ros.nodes.role_parameters import parameter_files, role_parameters
+from piezo_ros.parameters.role_parameters import parameter_files, role_parameters
 from piezo_ros.runtime.node.guard import guarded
 from piezo_ros.runtime.node.hooks import NodeHooks
 from piezo_ros.runtime.node.parameters import declare, names_by_change, plain, read

@@ -19,7 +19,7 @@ import os
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from piezo_ros.experiment.node_parameters import StageParameters
+from piezo_ros.parameters.node_parameters import StageParameters
 from piezo_ros.runtime.node.stream_node import StreamNode
 from piezo_ros.runtime.streams.endpoints import StreamReader, StreamWriter
 

@@ -26,7 +26,7 @@ from contextlib import contextmanager
 from rclpy.duration import Duration
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 
-from piezo_ros.experiment.node_parameters import StageParameters
+from piezo_ros.parameters.node_parameters import StageParameters
 from piezo_ros.runtime.node.changes import ParameterChanges
 from piezo_ros.runtime.node.handshake import await_peers
 from piezo_ros.runtime.node.hooks import NodeHooks

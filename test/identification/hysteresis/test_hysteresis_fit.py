@@ -24,7 +24,6 @@ from piezo_ros.control.waveform import (
     turns_step,
     waveform_constants,
 )
-from piezo_ros.experiment.parameter_file import read_parameter_file
 from piezo_ros.identification.hysteresis.hysteresis_fit import fit_hysteresis
 from piezo_ros.model import (
     HysteresisParameters,
@@ -33,6 +32,7 @@ from piezo_ros.model import (
     Rig,
     RigParameters,
 )
+from piezo_ros.parameters.parameter_file import read_parameter_file
 from piezo_ros.report import nonlinearity
 
 SAMPLE_PERIOD_S = 1e-4

@@ -26,8 +26,8 @@ from std_msgs.msg import Float64
 
 from piezo_ros.bag import STREAMS
 from piezo_ros.control import ControllerParameters, TrajectoryParameters, simulate
-from piezo_ros.experiment.node_parameters import NODE_PARAMETERS
 from piezo_ros.model import HysteresisParameters, MaxwellResistiveCapacitor, RigParameters
+from piezo_ros.parameters.node_parameters import NODE_PARAMETERS
 
 COMMAND_UM = 2.0 * np.sin(0.05 * np.arange(200.0))
 # State -> transition -> the state that it leads to; every other transition is refused.

@@ -26,7 +26,7 @@ SAMPLES = 1667  # of five periods of 300 Hz
 
 @pytest.fixture
 def managed(rig, peer):
-    """Start a loop that somebody else leads, configured."""
+    """Start a loop that another process leads, configured."""
     def start(composed, scheme):
         words = ['-p', 'autostart:=false', '-p', 'linger_s:=-1.0', '-p', 'periods:=5.0',
                  '-p', f'scheme:={scheme}', '-p', 'handshake_timeout_s:=60.0']

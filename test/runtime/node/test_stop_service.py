@@ -22,7 +22,7 @@ STAGES = ('trajectory', 'controller', 'compensator', 'plant')
 
 @pytest.mark.parametrize(('stopped', 'states'), [
     ('trajectory', ('stopped', 'finished', 'finished', 'finished')),
-    # Who only waits for the controller is told that nothing more is wanted.
+    # A node that only waits for the controller is told that nothing more is wanted.
     ('controller', ('stopped', 'stopped', 'finished', 'finished')),
     # So is the controller by a displacement that ends before the trajectory.
     ('plant', ('stopped', 'stopped', 'finished', 'stopped')),
@@ -41,7 +41,7 @@ def test_one_stopped_node_ends_the_whole_loop(rig, peer, stopped, states):
         if stage == 'trajectory' and stage != stopped:
             assert status['reason'] == 'no more samples are demanded'
     assert peer.wait_for_status('plant')['voltage_v'] == 0.0
-    # Somebody wanted it so: no fault.
+    # It was asked for: no fault.
     assert process.wait() == 0
     assert 'ERROR' not in process.output
     assert 'Traceback' not in process.output

@@ -26,7 +26,7 @@ import time
 import pytest
 
 from piezo_ros.bag import STREAMS, read
-from piezo_ros.experiment.node_parameters import NODE_PARAMETERS
+from piezo_ros.parameters.node_parameters import NODE_PARAMETERS
 
 HELD_S = 5.0
 NODES = ('recorder', 'compensator', 'controller', 'plant', 'trajectory')
@@ -82,7 +82,7 @@ def _try(rig, write_plan, seed):
     assert not rig.nodes(), how
     assert 'Traceback' not in command.output
     if by_watchdog:
-        # Somebody else was the one who did not answer.
+        # Another node was the one that did not answer.
         assert held not in (None, 'plant'), how
     if code == 0 or read(rig.bag).samples:
         _assert_nothing_is_missing(rig.bag, whole=code == 0)

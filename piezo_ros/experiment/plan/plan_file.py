@@ -1,0 +1,194 @@
+# Copyright 2026 piezo_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Plans: which runs to do, read from YAML and checked before anything is started."""
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+from piezo_ros.experiment.model_file import read_bound
+from piezo_ros.experiment.plan.automatic import KNOWN_NODES, Known
+from piezo_ros.experiment.plan.run_entry import RUN_KEYS, SHORT_KEYS, checked_parameters, plan_run
+from piezo_ros.parameters.errors import PlanError
+from piezo_ros.parameters.node_parameters import LOOP_NODES
+from piezo_ros.parameters.parameter_file import read_parameter_file, read_yaml
+from piezo_ros.parameters.run import PlannedRun
+
+__all__ = ['STUDIES', 'Plan', 'read_plan']
+
+FORMAT_VERSION: Final = 1
+_PLAN_KEYS: Final = (
+    'format_version', 'title', 'parameter_files', 'known_rig_files', 'uncertainty_bound_file',
+    'sample_period_s', 'score_periods', 'runs', 'study', 'sweep')
+_KEYS_OF_RUNS: Final = ('runs', 'known_rig_files', 'uncertainty_bound_file', 'sweep')
+STUDIES: Final = ('paper',)
+
+
+@dataclass(frozen=True)
+class Plan:
+    """
+    A plan.
+
+    Attributes
+    ----------
+    path : Path
+        Where it was read from.
+    title : str
+        Title of the report.
+    score_periods : float
+        Periods at the end of each run that are scored.
+    runs : tuple of PlannedRun
+        The runs, in order; none for a study, which makes its own.
+    base : mapping of str to mapping
+        Node to the parameters of the parameter files.
+    study : str
+        One of `STUDIES`, '' for none.
+    entries : tuple of mapping
+        What the plan says of each run.
+    known : Known
+        What it tells of the rig beside.
+    sweep : mapping or None
+        What it says of a sweep, see `piezo_ros.experiment.sweep.sweep_plan`; None for none.
+
+    """
+
+    path: Path
+    title: str
+    score_periods: float
+    runs: tuple[PlannedRun, ...]
+    base: Mapping[str, Mapping[str, Any]]
+    study: str = ''
+    entries: tuple[Mapping[str, Any], ...] = ()
+    known: Known = field(default_factory=Known)
+    sweep: Any = None
+
+
+def read_plan(path: Path) -> Plan:
+    """
+    Read a plan and check every run of it.
+
+    Parameters
+    ----------
+    path : Path
+        A YAML file; see config/experiments/demo.yaml. A list in a run stands for one run each.
+        ``auto`` for scheme or harmonics is decided here, see config/experiments/automatic.yaml.
+
+    Returns
+    -------
+    Plan
+        The checked plan.
+
+    Raises
+    ------
+    PlanError
+        For an unknown key, a value out of range, an amplitude beyond the travel, a frequency above
+        Nyquist; the text names file, run, key and value.
+
+    """
+    content = read_yaml(path)
+    if not isinstance(content, Mapping):
+        raise PlanError(f'{path} is no plan: the top level must be a mapping')
+    _refuse_unknown(str(path), content, _PLAN_KEYS)
+    version = content.get('format_version')
+    if version != FORMAT_VERSION:
+        raise PlanError(f'{path}: format_version is {version!r}, only {FORMAT_VERSION} is known')
+    base = _read_sections(path, content, 'parameter_files', LOOP_NODES)
+    if 'sample_period_s' in content:
+        for node in LOOP_NODES:
+            base[node]['sample_period_s'] = content['sample_period_s']
+    title = str(content.get('title', path.stem))
+    if 'study' in content:
+        if content['study'] not in STUDIES:
+            raise PlanError(
+                f'{path}: study is {content["study"]!r}, allowed are {", ".join(STUDIES)}')
+        for key in _KEYS_OF_RUNS:
+            if key in content:
+                raise PlanError(f'{path}: a study makes its own runs, there must be no key {key}')
+        return Plan(path, title, 4.0, (), base, str(content['study']))
+    entries = _list(path, 'runs', content.get('runs'))
+    score_periods = content.get('score_periods', 4)
+    if isinstance(score_periods, bool) or not isinstance(score_periods, int | float):
+        raise PlanError(f'{path}: score_periods is {score_periods!r}, it must be a number')
+    known = _read_known(path, content)
+    runs: list[PlannedRun] = []
+    combinations: list[dict[str, Any]] = []
+    for number, entry in enumerate(entries, start=1):
+        where = f'{path}: run {number}'
+        if not isinstance(entry, Mapping):
+            raise PlanError(f'{where} is {entry!r}, it must be a mapping')
+        _refuse_unknown(where, entry, RUN_KEYS)
+        for combination in _combinations(where, entry):
+            combinations.append(combination)
+            runs.append(plan_run(
+                base, combination, where=where, number=len(runs), known=known,
+                score_periods=score_periods))
+    if not runs:
+        raise PlanError(f'{path}: runs is empty')
+    for run in runs:
+        periods = run.trajectory.periods
+        if not 0.0 < score_periods <= periods:
+            raise PlanError(
+                f'{path}: score_periods is {score_periods}, allowed is 0 … {periods} '
+                f'(periods of {run.name})')
+    return Plan(
+        path, title, float(score_periods), tuple(runs), base, entries=tuple(combinations),
+        known=known, sweep=content.get('sweep'))
+
+
+def _read_sections(
+    path: Path, content: Mapping[str, Any], key: str, nodes: Sequence[str],
+) -> dict[str, dict[str, Any]]:
+    """Return the parameters that some parameter files of a plan give to each node."""
+    sections: dict[str, dict[str, Any]] = {node: {} for node in nodes}
+    for name in _list(path, key, content.get(key, [])):
+        file = path.parent / str(name)
+        for node, values in read_parameter_file(file, nodes).items():
+            checked_parameters(str(file), node, values)
+            sections[node].update(values)
+    return sections
+
+
+def _read_known(path: Path, content: Mapping[str, Any]) -> Known:
+    sections = _read_sections(path, content, 'known_rig_files', KNOWN_NODES)
+    if content.get('known_rig_files') and not any(sections.values()):
+        raise PlanError(
+            f'{path}: known_rig_files say nothing of {", ".join(KNOWN_NODES)}')
+    file = content.get('uncertainty_bound_file')
+    return Known(sections, None if file is None else read_bound(path.parent / str(file)))
+
+
+def _combinations(where: str, entry: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Return one mapping for each combination of the listed values; the last key runs fastest."""
+    for key, value in entry.items():
+        if key in SHORT_KEYS and value == []:
+            raise PlanError(f'{where}: {key} is an empty list, it must have at least one value')
+    choices = [
+        value if key in SHORT_KEYS and isinstance(value, list) else [value]
+        for key, value in entry.items()]
+    return [dict(zip(entry, values, strict=True)) for values in itertools.product(*choices)]
+
+
+def _refuse_unknown(where: str, content: Mapping[str, Any], known: tuple[str, ...]) -> None:
+    for key in content:
+        if key not in known:
+            raise PlanError(f'{where}: unknown key {key!r}; allowed are {", ".join(known)}')
+
+
+def _list(path: Path, key: str, value: Any) -> list[Any]:
+    if not isinstance(value, list):
+        raise PlanError(f'{path}: {key} is {value!r}, it must be a list')
+    return value

@@ -1,0 +1,174 @@
+# Copyright 2026 piezo_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""One run of a plan: the parameters of its nodes out of its entry, checked against the rig."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any, Final
+
+from piezo_ros.control.changes import changes_text, segments
+from piezo_ros.control.waveform import EXCITATIONS
+from piezo_ros.experiment.plan.automatic import Known, decide, take_out_automatic
+from piezo_ros.model import ParameterError, RigParameters
+from piezo_ros.parameters.errors import PlanError
+from piezo_ros.parameters.node_parameters import LOOP_NODES, check_node_parameters
+from piezo_ros.parameters.run import PlannedRun
+
+__all__ = ['RUN_KEYS', 'SHORT_KEYS', 'checked_parameters', 'plan_run']
+
+# The keys of a run that are short for a parameter of a node; every other key names a node.
+SHORT_KEYS: Final = {
+    'scheme': 'controller',
+    'waveform': 'trajectory',
+    'amplitude_um': 'trajectory',
+    'frequency_hz': 'trajectory',
+    'harmonics': 'trajectory',
+    'periods': 'trajectory',
+    'ramp_periods': 'trajectory',
+    'output': 'trajectory',
+    'amplitude_v': 'trajectory',
+    'offset_um': 'trajectory',
+    'offset_v': 'trajectory',
+    'dwell_s': 'trajectory',
+    'settle_s': 'trajectory',
+}
+_CHANGES: Final = 'changes'
+# Every key that the entry of a run may have.
+RUN_KEYS: Final = (*SHORT_KEYS, *LOOP_NODES, _CHANGES)
+
+
+def plan_run(
+    base: Mapping[str, Mapping[str, Any]], entry: Mapping[str, Any], *, where: str, number: int,
+    name: str = '', known: Known | None = None, score_periods: float = 4.0,
+) -> PlannedRun:
+    """
+    Check one run and fill in what it does not say.
+
+    Parameters
+    ----------
+    base : mapping of str to mapping
+        Node to parameters that hold for every run.
+    entry : mapping of str to value
+        The run as in a plan, without lists of alternatives.
+    where : str
+        What errors begin with.
+    number : int
+        Number of the run, for its name.
+    name : str, optional
+        Its name, made of number, scheme and waveform by default.
+    known : Known, optional
+        What is known of the rig beside the run's own models, for what the run leaves to ``auto``.
+    score_periods : float, optional
+        Periods at the end of the run that will be scored.
+
+    Raises
+    ------
+    PlanError
+        As `read_plan`.
+
+    """
+    values = {node: dict(base[node]) for node in LOOP_NODES}
+    for key, value in entry.items():
+        if key in LOOP_NODES:
+            if not isinstance(value, Mapping):
+                raise PlanError(f'{where}: {key} is {value!r}, it must be a mapping of parameters')
+            values[key].update(value)
+    for key, value in entry.items():
+        if key in SHORT_KEYS:
+            values[SHORT_KEYS[key]][key] = value
+    if _CHANGES in entry:
+        values['controller'][_CHANGES] = _changes(where, entry[_CHANGES])
+    undecided = take_out_automatic(values)
+    parameters = {node: checked_parameters(where, node, values[node]) for node in LOOP_NODES}
+    periods = {node: parameters[node]['sample_period_s'] for node in LOOP_NODES}
+    if len(set(periods.values())) > 1:
+        raise PlanError(f'{where}: sample_period_s differs between the nodes: {periods}')
+    run = PlannedRun(name, parameters)
+    _check_travel(where, run)
+    _check_changes(where, run)
+    if undecided:
+        run = decide(where, run, undecided, known or Known(), score_periods)
+    return run if name else replace(run, name=_name(run, number))
+
+
+def _changes(where: str, entries: Any) -> str:
+    """Return the changes of a run as the parameter of the controller wants them."""
+    if not isinstance(entries, list) or not all(isinstance(each, Mapping) for each in entries):
+        raise PlanError(
+            f'{where}: changes is {entries!r}, it must be a list of mappings, each with at_sample')
+    try:
+        return changes_text(entries)
+    except TypeError as error:
+        raise PlanError(f'{where}: changes is {entries!r}: {error}') from None
+
+
+def _check_changes(where: str, run: PlannedRun) -> None:
+    """Refuse changes that cannot be made or come after the end, and what no plan can ask for."""
+    at_sample = run.parameters['controller']['apply_at_sample']
+    if at_sample >= 0:
+        raise PlanError(
+            f'{where}: controller: apply_at_sample is {at_sample}; it goes with a call during a '
+            'run, a plan lists changes')
+    if run.parameters['plant']['keep_state']:
+        raise PlanError(f'{where}: plant: keep_state is true, every run of a plan has a new stage')
+    samples = run.trajectory.samples
+    for change in run.changes:
+        if run.bare:
+            raise PlanError(f'{where}: changes: with output voltage there is no controller')
+        if change.at_sample >= samples:
+            raise PlanError(
+                f'{where}: changes: at_sample is {change.at_sample}, the run has {samples} samples')
+    try:
+        segments(run.controller, run.changes, samples)
+    except ParameterError as error:
+        raise PlanError(f'{where}: changes: {error}') from None
+
+
+def _name(run: PlannedRun, number: int) -> str:
+    trajectory = run.trajectory
+    scheme = 'bare' if run.bare else run.controller.scheme
+    amplitude = f'{trajectory.amplitude_v:g}v' if run.bare else f'{trajectory.amplitude_um:g}um'
+    return f'{number:03d}_{scheme}_{trajectory.waveform}_{amplitude}_{trajectory.frequency_hz:g}hz'
+
+
+def _check_travel(where: str, run: PlannedRun) -> None:
+    trajectory, reach_um = run.trajectory, run.plant.reach_um
+    if run.bare:
+        _check_rails(where, run.plant, trajectory.amplitude_v + abs(trajectory.offset_v))
+        return
+    offset_um = abs(trajectory.offset_um) if trajectory.waveform in EXCITATIONS else 0.0
+    if not 0.0 < trajectory.amplitude_um <= reach_um - offset_um:
+        beside = f', beside the offset of {offset_um:g} um,' if offset_um else ''
+        raise PlanError(
+            f'{where}: amplitude_um is {trajectory.amplitude_um} um, it must be above 0, and '
+            f'the stage travels{beside} {reach_um:g} um to either side of its operating point')
+
+
+def _check_rails(where: str, plant: RigParameters, amplitude_v: float) -> None:
+    reach_v = min(
+        plant.operating_point_v - plant.voltage_minimum_v,
+        plant.voltage_maximum_v - plant.operating_point_v)
+    if not 0.0 < amplitude_v <= reach_v:
+        raise PlanError(
+            f'{where}: amplitude_v is {amplitude_v} V, it must be above 0, and the rails are '
+            f'{reach_v:g} V from the operating point')
+
+
+def checked_parameters(where: str, node: str, values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return all parameters of a node, defaults filled in; a refusal says where they stand."""
+    try:
+        return check_node_parameters(node, values)
+    except ParameterError as error:
+        raise PlanError(f'{where}: {node}: {error}') from None

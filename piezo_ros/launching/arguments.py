@@ -1,0 +1,133 @@
+# Copyright 2026 piezo_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The arguments of the launch files, most of them parameters of the nodes."""
+
+import dataclasses
+from collections.abc import Mapping
+from typing import Any, Final, NamedTuple
+
+from piezo_ros.model.parameters import constraint_of
+from piezo_ros.parameters.node_parameters import NODE_PARAMETERS
+
+__all__ = [
+    'LAUNCH_FILES',
+    'PLANT_ARGUMENTS',
+    'SCAN_ARGUMENTS',
+    'LaunchArgument',
+    'given_arguments',
+    'value_text',
+]
+
+# Arguments of scan.launch.py that are parameters -> the node that has them.
+SCAN_ARGUMENTS: Final = {
+    'scheme': 'controller',
+    'waveform': 'trajectory',
+    'amplitude_um': 'trajectory',
+    'frequency_hz': 'trajectory',
+    'harmonics': 'trajectory',
+    'periods': 'trajectory',
+    'ramp_periods': 'trajectory',
+}
+# Arguments of every launch file that are parameters of the plant.
+PLANT_ARGUMENTS: Final = ('realtime_factor', 'publish_clock')
+_TRUE_FALSE: Final = ('true', 'false')
+
+
+class LaunchArgument(NamedTuple):
+    """One argument of a launch file, as ``ros2 launch … --show-args`` shows it."""
+
+    name: str
+    default: str
+    description: str
+    choices: tuple[str, ...] = ()
+
+
+def _of_parameter(node: str, name: str, *, else_of_file: bool = False) -> LaunchArgument:
+    """
+    Return the argument that sets a parameter.
+
+    Parameters
+    ----------
+    node : str
+        A node that has the parameter.
+    name : str
+        Name of parameter and argument.
+    else_of_file : bool
+        Whether the parameter is by default what the parameter file of the node says; else it is
+        what the node has by itself, whatever the file says.
+
+    """
+    for parameter_set in NODE_PARAMETERS[node]:
+        for field in dataclasses.fields(parameter_set):
+            if field.name == name:
+                constraint = constraint_of(field)
+                unit = f' [{constraint.unit}]' if constraint.unit else ''
+                choices = constraint.choices or (
+                    _TRUE_FALSE if isinstance(field.default, bool) else ())
+                default, description = value_text(field.default), constraint.description + unit
+                if else_of_file:
+                    default, description = '', (
+                        f'{description}; empty: what a parameter file says, else {default}')
+                return LaunchArgument(name, default, description, choices)
+    raise LookupError(f'{node} has no parameter {name}')
+
+
+def value_text(value: Any) -> str:
+    """Return a value as it is written on a command line."""
+    return str(value).lower() if isinstance(value, bool) else str(value)
+
+
+_COMMON: Final = (
+    LaunchArgument(
+        'namespace', '', 'namespace of all nodes; a rig of its own in each; a relative one goes '
+        'into the namespace that an enclosing launch file has pushed'),
+    LaunchArgument('rig_file', 'rig.yaml', 'parameter file of the plant'),
+    LaunchArgument('compensator_file', 'compensator.yaml', 'parameter file of the compensator'),
+    LaunchArgument('controller_file', 'controller.yaml', 'parameter file of the controller'),
+    LaunchArgument('trajectory_file', 'trajectory.yaml', 'parameter file of the trajectory'),
+    _of_parameter('plant', 'sample_period_s'),
+    LaunchArgument('record', 'false', 'start a recorder, and end with it', _TRUE_FALSE),
+    _of_parameter('recorder', 'bag_directory'),
+    _of_parameter('recorder', 'parameters_timeout_s'),
+    _of_parameter('plant', 'handshake_timeout_s', else_of_file=True),
+    LaunchArgument(
+        'ends', 'rig', 'what ends with the recorder, or with a node that fails: the other nodes of '
+        'this rig alone, or the whole launch', ('rig', 'launch')),
+    *(_of_parameter('plant', name) for name in PLANT_ARGUMENTS),
+    LaunchArgument(
+        'clock_topic', '/clock', 'where publish_clock publishes; only one rig may have /clock'),
+    _of_parameter('plant', 'autostart'),
+    LaunchArgument(
+        'log_level', 'info', 'what the nodes log', ('debug', 'info', 'warn', 'error', 'fatal')),
+)
+_WITHOUT: Final = LaunchArgument(
+    'without', '', 'nodes not to start, separated by commas: your own take their place')
+_SCAN: Final = tuple(_of_parameter(node, name) for name, node in SCAN_ARGUMENTS.items())
+_COMPOSED: Final = LaunchArgument(
+    'composed', 'false', 'the four nodes of the loop in one process, compiled', _TRUE_FALSE)
+
+# Launch file -> its arguments. The parameter files are looked for in config/ by default.
+LAUNCH_FILES: Final[Mapping[str, tuple[LaunchArgument, ...]]] = {
+    'rig.launch.py': (*_COMMON, _WITHOUT),
+    'loop.launch.py': _COMMON,
+    'scan.launch.py': (*_SCAN, _COMPOSED, *_COMMON, _WITHOUT),
+}
+
+
+def given_arguments(launch_file: str, values: Mapping[str, str]) -> str:
+    """Return what was given other than by default, for the log: the defaults go without saying."""
+    return ', '.join(
+        f'{argument.name}:={values[argument.name]}' for argument in LAUNCH_FILES[launch_file]
+        if not argument.name.endswith('_file') and values[argument.name] != argument.default)

@@ -1,0 +1,165 @@
+# Copyright 2026 piezo_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The Maxwell resistive capacitor as an operator over arrays, by the steps of `hysteresis`."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from piezo_ros import paper
+from piezo_ros.model.hysteresis import HysteresisParameters, hysteresis_constants, hysteresis_state
+
+__all__ = ['MaxwellResistiveCapacitor']
+
+
+class MaxwellResistiveCapacitor:
+    """
+    The MRC operator: voltage to displacement, and back.
+
+    Parameters
+    ----------
+    kappa_um_per_v : sequence of float, shape (n + 1,)
+        Compliances of the elements, the last one unlimited; Table 1 in Liu 2015 by default.
+    saturation_v : sequence of float, shape (n,)
+        Saturation voltages of the limited elements.
+
+    Raises
+    ------
+    ParameterError
+        If the lengths do not belong together or a value is out of range.
+
+    Examples
+    --------
+    >>> operator = MaxwellResistiveCapacitor()  # Table 1 in Liu 2015
+    >>> voltage_v, _ = operator.inverse([0.5, 1.0, 0.5])
+    >>> [round(u, 3) for u in voltage_v.tolist()]  # depends on the turn at 1.0 um
+    [0.603, 1.111, 0.467]
+    >>> displacement_um, _ = operator.forward(voltage_v)
+    >>> [round(x, 9) for x in displacement_um.tolist()]
+    [0.5, 1.0, 0.5]
+
+    """
+
+    def __init__(
+        self,
+        kappa_um_per_v: Sequence[float] = paper.KAPPA_UM_PER_V,
+        saturation_v: Sequence[float] = paper.SATURATION_V,
+    ) -> None:
+        self.parameters = HysteresisParameters(
+            kappa_um_per_v=tuple(kappa_um_per_v), saturation_v=tuple(saturation_v))
+        constants = hysteresis_constants(self.parameters)
+        self._constants = constants._replace(
+            slope_v_per_um=np.array(constants.slope_v_per_um, dtype=np.float64),
+            width_um=np.array(constants.width_um, dtype=np.float64),
+            saturation_v=np.array(constants.saturation_v, dtype=np.float64))
+
+    def virgin_state(self) -> NDArray[np.float64]:
+        """Return the play values of the never driven operator, shape (n,), micrometres."""
+        return np.zeros(len(self.parameters.saturation_v))
+
+    def forward(
+        self, voltage_v: ArrayLike, state: NDArray[np.float64] | None = None,
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """
+        Return the displacement that a voltage causes, (1) to (4) in Liu 2015.
+
+        Parameters
+        ----------
+        voltage_v : array_like, shape (N,)
+            Voltages, in order of time.
+        state : ndarray, shape (n,), optional
+            Play values before the first sample, micrometres; the virgin state by default. It is
+            not changed.
+
+        Returns
+        -------
+        displacement_um : ndarray, shape (N,)
+            Displacements.
+        state : ndarray, shape (n,)
+            Play values after the last sample.
+
+        Raises
+        ------
+        ValueError
+            If a voltage is not finite, a shape is wrong, or no input leads to the state.
+
+        """
+        from piezo_ros.model.kernels import forward_array
+        return self._run(forward_array, 'voltage_v', voltage_v, state)
+
+    def inverse(
+        self, displacement_um: ArrayLike, state: NDArray[np.float64] | None = None,
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """
+        Return the voltage that causes a displacement: the inverse model, section 2 of Liu 2015.
+
+        Parameters
+        ----------
+        displacement_um : array_like, shape (N,)
+            Displacements, in order of time.
+        state : ndarray, shape (n,), optional
+            Play values before the first sample, micrometres; the virgin state by default. It is
+            not changed.
+
+        Returns
+        -------
+        voltage_v : ndarray, shape (N,)
+            Voltages.
+        state : ndarray, shape (n,)
+            Play values after the last sample.
+
+        Raises
+        ------
+        ValueError
+            If a displacement is not finite, a shape is wrong, or no input leads to the state.
+
+        """
+        from piezo_ros.model.kernels import inverse_array
+        return self._run(inverse_array, 'displacement_um', displacement_um, state)
+
+    def _run(
+        self, array_kernel: Any, name: str, values: ArrayLike, state: NDArray[np.float64] | None,
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        inputs = np.ascontiguousarray(values, dtype=np.float64)
+        if inputs.ndim != 1:
+            raise ValueError(f'{name} has shape {inputs.shape}, it must be one-dimensional')
+        finite = np.isfinite(inputs)
+        if not finite.all():
+            first = int(np.argmin(finite))
+            raise ValueError(f'{name}[{first}] is {inputs[first]}, it must be finite')
+        play = self.virgin_state() if state is None else self._checked(state)
+        whole = np.array(hysteresis_state(play.tolist()))
+        outputs = np.empty_like(inputs)
+        array_kernel(whole, self._constants, inputs, outputs)
+        return outputs, whole[:play.size].copy()
+
+    def _checked(self, state: ArrayLike) -> NDArray[np.float64]:
+        """Return a copy of a state that this operator can be in."""
+        play = np.array(state, dtype=np.float64)
+        if play.shape != self._constants.width_um.shape:
+            raise ValueError(
+                f'state has shape {play.shape}, it must be {self._constants.width_um.shape}')
+        if not np.isfinite(play).all():
+            raise ValueError(f'state is {play}, every value must be finite')
+        # Some displacement must lie within the reach of every play, else no input leads there.
+        gap_um = float(np.max(play - self._constants.width_um, initial=-np.inf)
+                       - np.min(play + self._constants.width_um, initial=np.inf))
+        if gap_um > 1e-9 * (1.0 + float(np.max(np.abs(play), initial=0.0))):
+            raise ValueError(
+                f'state is {play}: plays {gap_um:g} um out of reach of each other belong to no '
+                'state of this operator')
+        return play

@@ -1,0 +1,61 @@
+# Copyright 2026 piezo_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+import pytest
+
+from piezo_ros.experiment.campaign import run_campaign
+from piezo_ros.experiment.offline import simulate_run
+from piezo_ros.experiment.output_directory import prepare_directory
+from piezo_ros.experiment.plan import read_plan
+from piezo_ros.parameters.errors import PlanError
+
+
+def test_an_absent_or_empty_directory_is_taken(tmp_path):
+    for directory in (tmp_path / 'deep' / 'new', tmp_path / 'empty'):
+        if directory.name == 'empty':
+            directory.mkdir()
+        prepare_directory(directory, force=False)
+        assert directory.is_dir()
+
+
+def test_an_earlier_output_is_replaced_by_force_only(write_plan, tmp_path):
+    output = tmp_path / 'out'
+    prepare_directory(output, force=False)
+    run_campaign(read_plan(write_plan()), output, simulate_run)
+    with pytest.raises(PlanError, match='out exists; --force replaces it'):
+        prepare_directory(output, force=False)
+    assert (output / 'report.html').exists()
+    prepare_directory(output, force=True)
+    assert not (output / 'report.html').exists()
+    assert not (output / 'bags').exists()
+
+
+@pytest.mark.parametrize('name', ['thesis.tex', 'plan.yaml', 'report.html', 'bags/run/run.mcap'])
+@pytest.mark.parametrize('force', [False, True])
+def test_a_directory_of_somebody_else_is_never_deleted(tmp_path, name, force):
+    precious = tmp_path / 'mine' / name
+    precious.parent.mkdir(parents=True)
+    precious.write_text('years of work')
+    with pytest.raises(PlanError, match='exists'):
+        prepare_directory(tmp_path / 'mine', force=force)
+    assert precious.read_text() == 'years of work'
+
+
+@pytest.mark.parametrize('force', [False, True])
+def test_a_file_is_not_taken_for_a_directory(tmp_path, force):
+    path = tmp_path / 'mine'
+    path.write_text('years of work')
+    with pytest.raises(PlanError, match='mine exists'):
+        prepare_directory(path, force=force)
+    assert path.read_text() == 'years of work'

@@ -1,0 +1,112 @@
+# Copyright 2026 piezo_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+import pytest
+
+from piezo_ros.model import ParameterError
+from piezo_ros.parameters.errors import PlanError
+from piezo_ros.parameters.node_parameters import NODE_PARAMETERS, check_node_parameters
+from piezo_ros.parameters.parameter_file import parameters_yaml, read_parameter_file, read_yaml
+from piezo_ros.parameters.provenance import run_metadata
+
+NODES = ('plant', 'controller')
+
+
+@pytest.fixture
+def read(tmp_path):
+    def of(text):
+        path = tmp_path / 'parameters.yaml'
+        path.write_text(text)
+        return read_parameter_file(path, NODES)
+    return of
+
+
+@pytest.mark.parametrize('key', [
+    'plant', '/plant', '/rig/plant', '/**/plant', '/*/plant', '/rig/deep/plant'])
+def test_a_node_is_found_in_any_namespace(read, key):
+    assert read(f'{key}: {{ros__parameters: {{seed: 3}}}}') == {'plant': {'seed': 3}}
+
+
+@pytest.mark.parametrize('key', ['/**', '"*"', '/*', '/rig/*'])
+def test_a_wildcard_is_every_node_each_of_which_takes_what_it_has(read, key):
+    assert read(f'{key}: {{ros__parameters: {{seed: 3, compiled: true}}}}') == {
+        'plant': {'seed': 3, 'compiled': True}, 'controller': {'compiled': True}}
+
+
+def test_later_sections_add_to_earlier_ones_and_win(read):
+    assert read(
+        '/**: {ros__parameters: {linger_s: 1, start_index: 1}}\n'
+        'plant: {ros__parameters: {start_index: 2, c: 3}}'
+    ) == {
+        'plant': {'linger_s': 1, 'start_index': 2, 'c': 3},
+        'controller': {'linger_s': 1, 'start_index': 1}}
+
+
+def test_sections_may_be_written_into_their_namespaces(read):
+    assert read('rig: {lab: {plant: {ros__parameters: {seed: 3}}}}') == {'plant': {'seed': 3}}
+
+
+def test_a_section_that_lies_in_itself_is_refused(read):
+    with pytest.raises(PlanError, match="'rig' has no mapping ros__parameters"):
+        read('rig: &all {lab: *all}')
+
+
+def test_other_nodes_are_left_out(read):
+    assert read('camera: {ros__parameters: {a: 1}}\nplants: {ros__parameters: {a: 1}}') == {}
+
+
+@pytest.mark.parametrize('text', ['', '3', '- plant', 'just text'])
+def test_a_file_of_another_form_is_refused(read, text):
+    with pytest.raises(PlanError, match='parameters.yaml is no ROS parameter file'):
+        read(text)
+
+
+@pytest.mark.parametrize('section', ['3', '{}', '{seed: 3}', '{ros__parameters: 3}', '[1]'])
+def test_a_section_without_parameters_is_refused_by_name(read, section):
+    with pytest.raises(PlanError, match="'/plant' has no mapping ros__parameters"):
+        read(f'/plant: {section}')
+
+
+@pytest.mark.parametrize(('text', 'value'), [
+    ('1e-5', 1e-5), ('1.0e-5', 1e-5), ('-2E+3', -2000.0), ('1e5', 1e5), ('5', 5),
+    ('1.5', 1.5), ('"1e-5"', '1e-5'), ('e5', 'e5'), ('1e5x', '1e5x'), ('true', True)])
+def test_numbers_are_read_as_by_ros(tmp_path, text, value):
+    path = tmp_path / 'one.yaml'
+    path.write_text(f'value: {text}')
+    read = read_yaml(path)['value']
+    assert read == value
+    assert type(read) is type(value)
+
+
+@pytest.mark.parametrize('node', NODE_PARAMETERS)
+def test_the_parameters_of_every_node_survive_a_file(node, tmp_path):
+    complete = check_node_parameters(node, {})
+    path = tmp_path / 'parameters.yaml'
+    path.write_text(parameters_yaml('/rig', {node: complete}))
+    values = read_parameter_file(path, [node])[node]
+    assert check_node_parameters(node, values) == complete
+
+
+def test_an_unknown_parameter_is_refused_with_the_node_that_does_not_have_it():
+    with pytest.raises(ParameterError, match="unknown parameter 'gain' of plant; it has .*seed"):
+        check_node_parameters('plant', {'gain': 1.0})
+
+
+def test_the_record_of_a_run_holds_what_is_known_and_the_versions():
+    record = run_metadata({
+        'controller': {'scheme': 'ff'}, 'plant': {'seed': 4}, 'trajectory': {'amplitude_um': 1.5}})
+    assert (record['scheme'], record['seed'], record['amplitude_um']) == ('ff', '4', '1.5')
+    assert 'frequency_hz' not in record
+    assert record['version.numpy'].count('.') == 2
+    assert all(isinstance(value, str) for value in record.values())
