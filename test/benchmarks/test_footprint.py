@@ -47,6 +47,7 @@ def test_the_answers_of_a_running_node_are_timed():
     assert 0 < median <= percentile_95
 
 
+@pytest.mark.slow
 def test_a_run_that_is_too_short_for_the_calls_is_told(monkeypatch):
     monkeypatch.setattr(footprint, '_DISCOVERY_S', 3.0)  # within which it ends on a busy machine
     with pytest.raises(CampaignError, match='ended before the calls did'):

@@ -79,7 +79,7 @@ def test_runs_of_every_kind_follow_each_other_with_the_bits_of_the_offline_simul
     ('loop', signal.SIGKILL, 'loop was killed by SIGKILL'),
     pytest.param(
         'recorder', signal.SIGKILL, 'recorder was killed by SIGKILL', marks=pytest.mark.slow),
-    ('', signal.SIGINT, 'stopped by SIGINT'),
+    pytest.param('', signal.SIGINT, 'stopped by SIGINT', marks=pytest.mark.slow),
 ])
 def test_whatever_dies_the_bag_is_readable_and_nothing_is_left(
         rig, plan, until, victim, number, words):

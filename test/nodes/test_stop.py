@@ -82,7 +82,7 @@ def test_ctrl_c_at_the_end_either_stops_the_run_or_lets_it_be_reported(
 
 
 @pytest.mark.parametrize('processes', [
-    '--separate', pytest.param('--composed', marks=pytest.mark.slow)])
+    pytest.param('--separate', marks=pytest.mark.slow), '--composed'])
 def test_no_node_outlives_a_killed_supervisor(
         rig, start_long, assert_whole, until, processes):
     command = start_long(processes)

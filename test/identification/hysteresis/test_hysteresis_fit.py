@@ -173,7 +173,7 @@ def test_the_stated_95_percent_bands_cover_the_truth():
     voltage = short()
     displacement = SMALL.forward(voltage)[0]
     inside = []
-    for seed in range(20):
+    for seed in range(10):
         fit = fit_hysteresis(voltage, displacement + noise(voltage.size, seed=seed), elements=3)
         for values, errors, truth in (
             (fit.parameters.kappa_um_per_v, fit.kappa_standard_error_um_per_v,

@@ -74,10 +74,10 @@ def test_one_that_starts_itself_waits_in_the_same_way(rig, peer):
 
 
 def test_a_time_limit_does_not_count_a_standstill(rig, peer):
-    process = rig.node('compensator', handshake_timeout_s=8.0, required_readers=0)
+    process = rig.node('compensator', handshake_timeout_s=5.0, required_readers=0)
     peer.wait(lambda: peer.state('compensator') == 'activating', 'the activation to begin')
     process.send(signal.SIGSTOP)
-    time.sleep(9.0)
+    time.sleep(6.0)
     peer.writer('command')
     process.send(signal.SIGCONT)
     peer.wait_for_status('compensator', state='active')
