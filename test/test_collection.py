@@ -74,8 +74,7 @@ def test_no_module_of_the_tests_hides_another():
     assert not hidden
 
 
-# The same for all files, without collecting everything once more, is in the tests above.
-@pytest.mark.slow
+@pytest.mark.slow  # Collects everything once more; the tests above hold the rules for every file.
 def test_all_tests_are_collected_where_modules_are_imported_by_bare_name(collect):
     pytest.importorskip('rclpy', reason='tests of the nodes are collected where ROS is')
     collected = collect(TESTS)

@@ -39,6 +39,10 @@ def test_start_memory_and_idling_of_four_processes_are_measured(monkeypatch):
     # They share their libraries.
     assert 50 < result.pss_mb < result.rss_mb
     assert 0 <= result.idle_percent < 100
+
+
+@pytest.mark.slow
+def test_the_start_beside_peers_is_measured():
     assert start_beside_peers_s(planned(0.1)) > 0
 
 

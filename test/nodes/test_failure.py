@@ -23,7 +23,7 @@ import pytest
 from piezo_ros.bag import BagError, read
 
 KILL, TERM = signal.SIGKILL, signal.SIGTERM
-# Victim, signal, graph: of each kind of node and of signal one, and all of them slowly.
+# Victim, signal, graph: of each kind of graph and of signal one, all of them with the slow ones.
 QUICK = [
     ('recorder', KILL, '--composed'),
     ('controller', TERM, '--separate'),

@@ -28,6 +28,7 @@ from piezo_ros.experiment.replay import replay
 ROOT = Path(__file__).parents[2]
 RUNS = [
     {'scheme': 'fbff', 'periods': 2},
+    {'scheme': 'fbff', 'periods': 2},  # nothing of the first is left
     {'output': 'voltage', 'amplitude_v': 2.0, 'waveform': 'triangle', 'harmonics': 0},
     {'scheme': 'open_loop', 'waveform': 'stepped_sine', 'amplitude_um': 0.3, 'harmonics': 0,
      'dwell_s': 0.01, 'trajectory': {'frequencies_hz': [500.0, 2000.0]}},

@@ -27,7 +27,8 @@ KILL, TERM, INT = signal.SIGKILL, signal.SIGTERM, signal.SIGINT
 
 
 @pytest.mark.parametrize(('number', 'processes'), [
-    (INT, '--separate'), (TERM, '--composed'),
+    (TERM, '--composed'),
+    pytest.param(INT, '--separate', marks=pytest.mark.slow),
     pytest.param(TERM, '--separate', marks=pytest.mark.slow),
     pytest.param(INT, '--composed', marks=pytest.mark.slow)])
 def test_a_run_that_is_stopped_leaves_a_readable_bag(

@@ -26,7 +26,7 @@ def _plan(path, content, **run):
     return path
 
 
-@pytest.mark.slow  # Two rigs at once are in test_live_campaign.py and test_launched.py too.
+@pytest.mark.slow  # test_live_campaign.py has two rigs at once every time.
 def test_two_rigs_give_at_once_what_each_gives_alone(rig, make_rig, write_plan, tmp_path):
     content = yaml.safe_load(write_plan('fbff').read_text())
     # Long enough to be at work at the same time.

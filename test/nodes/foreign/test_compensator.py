@@ -118,6 +118,7 @@ def test_a_second_writer_ends_the_run(compensator, peer, block):
     _assert_ended(process, peer, '/command has 2 writers')
 
 
+@pytest.mark.slow  # The plant's does so every time.
 def test_a_writer_that_leaves_ends_the_run(compensator, peer, block):
     process, writer = compensator()
     writer.publish(block('command', 0, COMMAND_UM[:5]))

@@ -140,7 +140,10 @@ def test_the_plant_of_the_documentation_is_right_in_everything():
 OWN = {stage: [sys.executable, '-m', 'piezo_ros.nodes.executables', stage] for stage in CONTRACTS}
 
 
-@pytest.mark.parametrize('stage', CONTRACTS)
+# The command, below, checks the plant.
+@pytest.mark.parametrize('stage', [
+    pytest.param(stage, marks=pytest.mark.slow) if stage == 'plant' else stage
+    for stage in CONTRACTS])
 def test_our_own_nodes_are_right_in_an_ordinary_run(stage):
     settings = SETTINGS._replace(sample_period_s=1e-5)
     with StartedNode(stage, OWN[stage], settings) as node:

@@ -239,6 +239,7 @@ def test_it_is_no_reader_of_any_stream(rig, peer):
         0] * len(STREAMS)
 
 
+@pytest.mark.slow  # The values of every stream, above, are those of a loop alone.
 def test_a_recorded_run_is_the_same_beside_it(rig, peer, listen, write_plan):
     stamped = rig.node('stamped', use_sim_time='true')
     stamped.wait_for('the stamps are simulated time')
