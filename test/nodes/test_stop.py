@@ -72,7 +72,7 @@ def _assert_readable_or_empty(bag):
 def test_ctrl_c_at_the_end_either_stops_the_run_or_lets_it_be_reported(
         rig, write_plan, until):
     command = rig.piezo(
-        'run', write_plan('fbff', periods=1), '-o', rig.directory / 'out', '--separate')
+        'run', write_plan('fbff', periods=1), '-o', rig.directory / 'out', '--composed')
     until(lambda: (rig.bag / 'metadata.yaml').exists(), 'the closed bag')
     command.send(INT)
     assert command.wait() in (0, 1)

@@ -148,6 +148,7 @@ def test_any_start_index_is_taken_once_and_gaps_are_still_faults(compensator, pe
     _assert_ended(process, peer, 'lacks the samples 5 … 6')
 
 
+@pytest.mark.slow  # Plant and controller join in the middle every time.
 def test_a_replay_from_the_middle_keeps_its_indices(compensator, peer, block):
     _, writer = compensator(start_index=-1)
     writer.publish(block('command', 5000, COMMAND_UM))

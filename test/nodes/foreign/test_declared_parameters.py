@@ -124,6 +124,7 @@ def test_parameters_are_described_and_invalid_changes_refused_with_the_reason(ri
     assert 'read-only' in result.reason
 
 
+@pytest.mark.slow  # test_lifecycle.py activates a whole loop twice, and takes every transition.
 def test_every_activation_is_a_run_of_its_own_with_the_same_samples(rig, peer, block):
     writer = peer.writer('command')
     peer.read('voltage')
