@@ -42,7 +42,9 @@ def _expected_v():
     return MaxwellResistiveCapacitor().inverse(COMMAND_UM)[0]
 
 
-@pytest.mark.parametrize('compiled', ['false', 'true'])
+# Python steps are what nearly all other tests run.
+@pytest.mark.parametrize('compiled', [
+    pytest.param('false', marks=pytest.mark.slow), 'true'])
 def test_typed_blocks_of_any_length_give_the_voltages_of_the_inverse_model(
         compensator, peer, block, compiled):
     process, writer = compensator(compiled=compiled, linger_s=0.0)

@@ -49,7 +49,9 @@ def _assert_end(peer, count):
     assert list(peer.received['displacement'][-1].data) == [count, 1e-5]
 
 
-@pytest.mark.parametrize('compiled', ['false', 'true'])
+# Python steps are what nearly all other tests run.
+@pytest.mark.parametrize('compiled', [
+    pytest.param('false', marks=pytest.mark.slow), 'true'])
 def test_it_opens_with_the_first_reading_and_answers_each_voltage_with_the_next(
         plant, peer, block, compiled):
     process, writer = plant(compiled=compiled, linger_s=0.0)
