@@ -74,6 +74,7 @@ def test_no_module_of_the_tests_hides_another():
     assert not hidden
 
 
+@pytest.mark.slow  # Collects everything once more; the tests above hold the rules for every file.
 def test_all_tests_are_collected_where_modules_are_imported_by_bare_name(collect):
     pytest.importorskip('rclpy', reason='tests of the nodes are collected where ROS is')
     collected = collect(TESTS)

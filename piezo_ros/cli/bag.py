@@ -18,14 +18,14 @@ import argparse
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
 from piezo_ros.bag import STREAMS, BagError, open_recording, salvage
 from piezo_ros.cli.loss import add_loss_option
 
-__all__ = ['add_command']
+__all__ = ['add_arguments']
 
 _EXPORTED_AT_ONCE: Final = 100_000  # samples
 _EXAMPLES: Final = """\
@@ -36,11 +36,9 @@ examples:
 """
 
 
-def add_command(commands: Any) -> None:
-    """Add the command to the parser."""
-    parser = commands.add_parser(
-        'bag', help='info, salvage, export', epilog=_EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter)
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Describe the command's arguments to its parser."""
+    parser.epilog = _EXAMPLES
     actions = parser.add_subparsers(dest='action', required=True, metavar='ACTION')
     info = actions.add_parser('info', help='streams, samples, metadata')
     export = actions.add_parser('export', help='aligned samples as CSV')

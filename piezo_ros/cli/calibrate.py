@@ -17,19 +17,15 @@
 import argparse
 import sys
 from pathlib import Path
-from typing import Any
 
 from piezo_ros.cli.progress import Progress
 
-__all__ = ['add_command']
+__all__ = ['add_arguments']
 
 
-def add_command(commands: Any) -> None:
-    """Add the command to the parser."""
-    parser = commands.add_parser(
-        'calibrate', help="fit the simulated rig's mismatches to Table 4 (how config/rig.yaml "
-        'was made)', epilog='example:\n  piezo calibrate -o config/rig.yaml',
-        formatter_class=argparse.RawDescriptionHelpFormatter)
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Describe the command's arguments to its parser."""
+    parser.epilog = 'example:\n  piezo calibrate -o config/rig.yaml'
     parser.add_argument(
         '-o', '--output', type=Path, required=True, metavar='FILE', help='parameter file to write')
     parser.add_argument('--seed', type=int, default=1, help='of the search (default: 1)')

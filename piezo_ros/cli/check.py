@@ -17,14 +17,14 @@
 import argparse
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 from piezo_ros.parameters.errors import PlanError
 
 if TYPE_CHECKING:
     from piezo_ros.contract.topics import Finding
 
-__all__ = ['add_command']
+__all__ = ['add_arguments']
 
 ROLES: Final = ('plant', 'compensator', 'controller')
 _EXAMPLES: Final = """\
@@ -42,11 +42,9 @@ _LOOK_AROUND_S: Final = 3.5  # discovery may tell of one node seconds before ano
 _WORDS: Final = {True: 'ok', False: 'WRONG', None: 'unknown'}
 
 
-def add_command(commands: Any) -> None:
-    """Add the command to the parser."""
-    parser = commands.add_parser(
-        'check', help='a node against the contract of its topics; a plan against its rig',
-        epilog=_EXAMPLES, formatter_class=argparse.RawDescriptionHelpFormatter)
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Describe the command's arguments to its parser."""
+    parser.epilog = _EXAMPLES
     parser.add_argument(
         'what', metavar='plant|compensator|controller|PLAN',
         help='the kind of node, or a plan file (YAML)')

@@ -39,7 +39,7 @@ from piezo_ros.parameters.parameter_file import read_parameter_set
 if TYPE_CHECKING:
     from piezo_ros.identification import DynamicsFit, FrequencyResponse
 
-__all__ = ['add_command']
+__all__ = ['add_arguments']
 
 _EXAMPLES: Final = """\
 examples:
@@ -56,11 +56,9 @@ _TABLE_SUFFIX: Final = '.csv'
 _Files = Mapping[Path, str]
 
 
-def add_command(commands: Any) -> None:
-    """Add the command to the parser."""
-    parser = commands.add_parser(
-        'identify', help='hysteresis, dynamics or uncertainty from bags', epilog=_EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter)
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Describe the command's arguments to its parser."""
+    parser.epilog = _EXAMPLES
     kinds = parser.add_subparsers(dest='kind', required=True, metavar='KIND')
     hysteresis = kinds.add_parser(
         'hysteresis', help='MRC elements, from voltage and displacement of a slow triangle of '

@@ -15,8 +15,10 @@
 """The command ``piezo``."""
 
 import argparse
+import importlib
 import sys
 from collections.abc import Sequence
+from typing import Final
 
 from piezo_ros.interruption import Interruption, remembering_interruption
 from piezo_ros.matrix_threads import use_one_thread
@@ -24,6 +26,21 @@ from piezo_ros.matrix_threads import use_one_thread
 __all__ = ['main']
 
 EXIT_DONE, EXIT_FAILED, EXIT_USAGE, EXIT_LOSS = range(4)
+
+# Each with its line in `piezo --help`. The module of this name beside this one describes its
+# arguments (add_arguments) and does it; only the one that is asked for is imported.
+COMMANDS: Final = {
+    'run': 'start the node graph, record, analyse, report',
+    'simulate': 'the same plan offline: no ROS, same numbers, same bags',
+    'identify': 'hysteresis, dynamics or uncertainty from bags',
+    'tune': 'PI gains for a model',
+    'replay': 'what a recorded run would have been',
+    'report': 'score bags and write the report',
+    'bag': 'info, salvage, export',
+    'sweep': 'thousands of simulated runs over drawn parameters',
+    'calibrate': "fit the simulated rig's mismatches to Table 4 (how config/rig.yaml was made)",
+    'check': 'a node against the contract of its topics; a plan against its rig',
+}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -43,40 +60,25 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     try:
         with remembering_interruption() as interruption:
-            return _run(arguments, interruption)
+            return _run(sys.argv[1:] if arguments is None else arguments, interruption)
     except KeyboardInterrupt:
         print('piezo: stopped by SIGINT', file=sys.stderr)
         return EXIT_FAILED
 
 
-def _run(arguments: Sequence[str] | None, interruption: Interruption) -> int:
+def _run(arguments: Sequence[str], interruption: Interruption) -> int:
     use_one_thread()
-    # Here, so that a Ctrl-C during the imports is caught as well.
-    from piezo_ros.cli import (
-        bag,
-        calibrate,
-        check,
-        identify,
-        replay,
-        report,
-        run,
-        sweep,
-        tune,
-    )
-    if interruption.came:  # an import may have caught it
-        raise KeyboardInterrupt
     parser = argparse.ArgumentParser(
         prog='piezo', description='Piezo nano-positioning on ROS 2: run, analyse, report.')
     commands = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
-    run.add_commands(commands)
-    identify.add_command(commands)
-    tune.add_command(commands)
-    replay.add_command(commands)
-    report.add_command(commands)
-    bag.add_command(commands)
-    sweep.add_command(commands)
-    calibrate.add_command(commands)
-    check.add_command(commands)
+    asked_for = next((word for word in arguments if word in COMMANDS), None)
+    for name, help_line in COMMANDS.items():
+        command = commands.add_parser(
+            name, help=help_line, formatter_class=argparse.RawDescriptionHelpFormatter)
+        if name == asked_for:
+            importlib.import_module(f'piezo_ros.cli.{name}').add_arguments(command)
+    if interruption.came:  # an import may have caught it
+        raise KeyboardInterrupt
     options = parser.parse_args(arguments)
     code = options.function(options)
     assert isinstance(code, int)

@@ -17,12 +17,11 @@
 import argparse
 import sys
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from piezo_ros.bag import BagError, read
 from piezo_ros.cli.loss import add_loss_option
 from piezo_ros.control import SCHEMES, ControllerParameters
-from piezo_ros.experiment.replay import ReplayResult, replay
 from piezo_ros.model import (
     HysteresisParameters,
     ParameterSet,
@@ -32,7 +31,10 @@ from piezo_ros.parameters.errors import PlanError
 from piezo_ros.parameters.parameter_file import read_parameter_file
 from piezo_ros.report.metrics import nrmse
 
-__all__ = ['add_command']
+if TYPE_CHECKING:
+    from piezo_ros.experiment.replay import ReplayResult
+
+__all__ = ['add_arguments']
 
 _EXAMPLES: Final = """\
 examples:
@@ -42,11 +44,9 @@ examples:
 _PERCENT: Final = 100.0
 
 
-def add_command(commands: Any) -> None:
-    """Add the command to the parser."""
-    parser = commands.add_parser(
-        'replay', help='what a recorded run would have been', epilog=_EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter)
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Describe the command's arguments to its parser."""
+    parser.epilog = _EXAMPLES
     parser.add_argument('bag', type=Path, metavar='BAG')
     for node in ('controller', 'compensator', 'plant'):
         parser.add_argument(
@@ -58,6 +58,7 @@ def add_command(commands: Any) -> None:
 
 
 def _replay(options: argparse.Namespace) -> int:
+    from piezo_ros.experiment.replay import replay
     try:
         run = read(options.bag, namespace=options.namespace, allow_loss=options.allow_loss)
         result = replay(
@@ -78,7 +79,7 @@ def _replay(options: argparse.Namespace) -> int:
     return 3 if run.lost else 0
 
 
-def _table(result: ReplayResult) -> str:
+def _table(result: 'ReplayResult') -> str:
     """Return both runs' errors over the second half, where the transients of the start are over."""
     run, streams = result.recorded, result.streams
     # Streams of a bag may begin later than its reference, with which the replay begins.

@@ -18,7 +18,7 @@ import argparse
 import os
 import sys
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from piezo_ros.bag import BagError, Recording, open_recording
 from piezo_ros.cli.loss import add_loss_option
@@ -28,7 +28,7 @@ from piezo_ros.parameters.provenance import software_versions
 from piezo_ros.report import ScoredRun, score
 from piezo_ros.report.run_tables import text_table
 
-__all__ = ['add_command']
+__all__ = ['add_arguments']
 
 _EXAMPLES: Final = """\
 examples:
@@ -41,11 +41,9 @@ examples:
 _DESCRIPTION: Final = ('scheme', 'waveform', 'amplitude_um', 'frequency_hz', 'harmonics')
 
 
-def add_command(commands: Any) -> None:
-    """Add the command to the parser."""
-    parser = commands.add_parser(
-        'report', help='score bags and write the report', epilog=_EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter)
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Describe the command's arguments to its parser."""
+    parser.epilog = _EXAMPLES
     parser.add_argument(
         'bags', type=Path, nargs='+', metavar='DIR|BAG',
         help='bags, or output directories of piezo run')

@@ -12,13 +12,12 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""``piezo run`` and ``piezo simulate``: a plan on live nodes, and the same plan offline."""
+"""``piezo run``: a plan on live nodes."""
 
 import argparse
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 from piezo_ros.bag import BagError
 from piezo_ros.cli.progress import Progress
@@ -29,7 +28,7 @@ from piezo_ros.parameters.errors import CampaignError, PlanError
 from piezo_ros.parameters.run import PlannedRun, RunResult
 from piezo_ros.report.run_tables import text_table
 
-__all__ = ['add_commands']
+__all__ = ['add_arguments', 'add_plan_arguments', 'run_plan', 'with_plan']
 
 _EXAMPLES = """\
 examples:
@@ -39,13 +38,10 @@ examples:
 """
 
 
-def add_commands(commands: Any) -> None:
-    """Add both commands to the parser."""
-    live = commands.add_parser(
-        'run', help='start the node graph, record, analyse, report', epilog=_EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter)
-    _add_common(live)
-    processes = live.add_mutually_exclusive_group()
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Describe the command's arguments to its parser."""
+    add_plan_arguments(parser)
+    processes = parser.add_mutually_exclusive_group()
     processes.add_argument(
         '--separate', action='store_true', help='one process for every node (default)')
     processes.add_argument(
@@ -53,18 +49,15 @@ def add_commands(commands: Any) -> None:
     processes.add_argument(
         '--keep', action='store_true',
         help='composed, and the processes stay for all runs: for plans of many short ones')
-    live.add_argument(
+    parser.add_argument(
         '--namespace', default='', metavar='NS',
         help='namespace of the nodes (default: one of its own, so that several may run at once)')
-    live.set_defaults(function=_run_live)
-    offline = commands.add_parser(
-        'simulate', help='the same plan offline: no ROS, same numbers, same bags',
-        epilog=_EXAMPLES, formatter_class=argparse.RawDescriptionHelpFormatter)
-    _add_common(offline)
-    offline.set_defaults(function=_run_offline)
+    parser.set_defaults(function=_run_live)
 
 
-def _add_common(parser: argparse.ArgumentParser) -> None:
+def add_plan_arguments(parser: argparse.ArgumentParser) -> None:
+    """Describe what `piezo run` and `piezo simulate` have in common."""
+    parser.epilog = _EXAMPLES
     parser.add_argument('plan', type=Path, metavar='PLAN', help='plan file (YAML)')
     parser.add_argument(
         '-o', '--output', type=Path, required=True, metavar='DIR', help='output directory')
@@ -88,21 +81,16 @@ def _run_live(options: argparse.Namespace) -> int:
             if plan.study or options.keep:
                 # Hundreds of short runs: one composed graph is led through all of them.
                 kept = KeptGraph(supervisor, options.output)
-                return _run(plan, options.output, kept, progress)
-            return _run(plan, options.output, GraphPerRun(
+                return run_plan(plan, options.output, kept, progress)
+            return run_plan(plan, options.output, GraphPerRun(
                 supervisor, options.output, composed=options.composed, progress=progress.show),
                 progress)
 
-    return _with_plan(options, campaign)
+    return with_plan(options, campaign)
 
 
-def _run_offline(options: argparse.Namespace) -> int:
-    from piezo_ros.experiment.offline import simulate_run
-    return _with_plan(
-        options, lambda plan: _run(plan, options.output, simulate_run, Progress()))
-
-
-def _with_plan(options: argparse.Namespace, campaign: Callable[[Plan], int]) -> int:
+def with_plan(options: argparse.Namespace, campaign: Callable[[Plan], int]) -> int:
+    """Read the plan, prepare its output directory, do the campaign; return the exit code."""
     try:
         plan = read_plan(options.plan)
         if options.plan.resolve().is_relative_to(options.output.resolve()):
@@ -124,10 +112,11 @@ def _with_plan(options: argparse.Namespace, campaign: Callable[[Plan], int]) -> 
         return 1
 
 
-def _run(
+def run_plan(
     plan: Plan, directory: Path, run: Callable[[PlannedRun, Path], RunResult],
     progress: Progress,
 ) -> int:
+    """Do every run of a plan by ``run``, report them and return the exit code."""
     try:
         if plan.study:
             from piezo_ros.study.page import study_summary

@@ -18,7 +18,7 @@ import argparse
 import os
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 from piezo_ros.cli.progress import Progress
 from piezo_ros.parameters.errors import CampaignError, PlanError
@@ -26,7 +26,7 @@ from piezo_ros.parameters.errors import CampaignError, PlanError
 if TYPE_CHECKING:
     from piezo_ros.experiment.sweep.work import Engine
 
-__all__ = ['add_command']
+__all__ = ['add_arguments']
 
 _EXAMPLES: Final = """\
 examples:
@@ -41,11 +41,9 @@ that are done.
 _STEPS: Final = 10  # plain lines of progress where there is no terminal
 
 
-def add_command(commands: Any) -> None:
-    """Add the command to the parser."""
-    parser = commands.add_parser(
-        'sweep', help='thousands of simulated runs over drawn parameters', epilog=_EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter)
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Describe the command's arguments to its parser."""
+    parser.epilog = _EXAMPLES
     parser.add_argument('plan', type=Path, metavar='PLAN', help='plan file with a key sweep')
     parser.add_argument(
         '-o', '--output', type=Path, required=True, metavar='DIR', help='output directory')

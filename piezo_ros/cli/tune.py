@@ -17,7 +17,7 @@
 import argparse
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 from piezo_ros import paper
 from piezo_ros.control import TrajectoryParameters
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from piezo_ros.identification.tuning.linear_plant import Bound, Model
     from piezo_ros.identification.tuning.loop_shape import LoopShape
 
-__all__ = ['add_command']
+__all__ = ['add_arguments']
 
 _EXAMPLES: Final = """\
 examples:
@@ -58,11 +58,9 @@ _FIGURES: Final = (
 )
 
 
-def add_command(commands: Any) -> None:
-    """Add the command to the parser."""
-    parser = commands.add_parser(
-        'tune', help='PI gains for a model', epilog=_EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter)
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Describe the command's arguments to its parser."""
+    parser.epilog = _EXAMPLES
     parser.add_argument(
         'model', type=Path, metavar='MODEL', help='what identify dynamics wrote')
     parser.add_argument(

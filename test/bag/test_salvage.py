@@ -51,7 +51,7 @@ def _cut(bag, directory, length):
 
 
 @settings(
-    max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+    max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(fraction=st.floats(0, 1), whole_directory=st.booleans())
 def test_exactly_the_whole_chunks_are_recovered(shared, write_run, fraction, whole_directory):
     bag = shared / 'bag'

@@ -39,6 +39,10 @@ def test_start_memory_and_idling_of_four_processes_are_measured(monkeypatch):
     # They share their libraries.
     assert 50 < result.pss_mb < result.rss_mb
     assert 0 <= result.idle_percent < 100
+
+
+@pytest.mark.slow
+def test_the_start_beside_peers_is_measured():
     assert start_beside_peers_s(planned(0.1)) > 0
 
 
@@ -47,6 +51,7 @@ def test_the_answers_of_a_running_node_are_timed():
     assert 0 < median <= percentile_95
 
 
+@pytest.mark.slow
 def test_a_run_that_is_too_short_for_the_calls_is_told(monkeypatch):
     monkeypatch.setattr(footprint, '_DISCOVERY_S', 3.0)  # within which it ends on a busy machine
     with pytest.raises(CampaignError, match='ended before the calls did'):

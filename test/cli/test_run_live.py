@@ -45,7 +45,7 @@ def _piezo(*arguments, timeout=200):
 @pytest.fixture(scope='module')
 def demo(tmp_path_factory):
     directory = tmp_path_factory.mktemp('demo') / 'out'
-    result = _piezo('run', DEMO, '-o', directory, '--composed')
+    result = _piezo('run', DEMO, '-o', directory, '--keep')
     assert result.returncode == 0, result.stderr
     return directory, result
 
@@ -115,13 +115,14 @@ def test_what_is_no_earlier_output_is_never_replaced(tmp_path, plan):
 
 def test_an_earlier_output_is_replaced_only_when_asked(tmp_path, plan):
     directory = tmp_path / 'out'
-    assert _piezo('run', plan, '-o', directory, '--composed').returncode == 0
+    assert _piezo('simulate', plan, '-o', directory).returncode == 0
     before = (directory / 'report.json').stat().st_mtime_ns
     (directory / 'note.txt').touch()
     result = _piezo('run', plan, '-o', directory, '--composed')
     assert result.returncode == 2
     assert '--force replaces it' in result.stderr
     assert (directory / 'report.json').stat().st_mtime_ns == before
-    assert _piezo('run', plan, '-o', directory, '--composed', '--force').returncode == 0
+    assert (directory / 'note.txt').exists()
+    assert _piezo('simulate', plan, '-o', directory, '--force').returncode == 0
     assert not (directory / 'note.txt').exists()
     assert (directory / 'report.json').stat().st_mtime_ns > before

@@ -45,17 +45,27 @@ def wrong(findings):
     ('AnswersWithTheSameIndex', 'indices without gaps', 'index 0 where 1 is due'),
     ('ForgetsTheOffset', 'layout of every block', 'layout.dim has 0 entries'),
     ('TakesAnything', 'refusal of a sample that is no number', 'samples of'),
-    ('ChangesThePeriod', 'sample period', 'it changed: 1e-05, 2e-05 s'),
-    ('EndsAtTheWrongIndex', 'end of the stream passed on', 'it must be the count of samples'),
-    ('StaysWhereItIs', 'voltage at zero at the end', 'says voltage_v 0.25 after the end'),
-    ('BestEffort', 'quality of service', 'is best effort: samples may be lost'),
     ('DiesOnNonsense', 'refusal of another label', 'the command ended with exit code 1'),
 ])
 def test_what_is_wrong_in_an_ordinary_run_is_named(way, what, detail):
-    settings = IMPATIENT if way == 'StaysWhereItIs' else SETTINGS
-    with started(way, settings) as session:
+    with started(way, SETTINGS) as session:
         ordinary_run(session.node, disturbed=True)
     assert detail in wrong(session.node.findings)[what]
+
+
+def test_each_of_several_ways_to_be_wrong_is_named():
+    ways = {
+        'ChangesThePeriod': ('sample period', 'it changed: 1e-05, 2e-05 s'),
+        'EndsAtTheWrongIndex': ('end of the stream passed on', 'it must be the count of samples'),
+        'StaysWhereItIs': ('voltage at zero at the end', 'says voltage_v 0.25 after the end'),
+        'BestEffort': ('quality of service', 'is best effort: samples may be lost'),
+    }
+    with started('+'.join(ways), IMPATIENT) as session:
+        ordinary_run(session.node, disturbed=True)
+    found = wrong(session.node.findings)
+    assert found.keys() == {what for what, _ in ways.values()}
+    for what, detail in ways.values():
+        assert detail in found[what]
 
 
 @pytest.mark.parametrize(('way', 'what', 'detail'), [
@@ -63,7 +73,8 @@ def test_what_is_wrong_in_an_ordinary_run_is_named(way, what, detail):
         'NeverOpens', 'y[0] alone before any voltage', 'nothing arrived on',
         marks=pytest.mark.slow),
     ('NeverEnds', 'end of the stream passed on', 'no N = 0 on'),
-    ('SaysNothingOfItself', 'status', 'nothing arrived on'),
+    pytest.param(
+        'SaysNothingOfItself', 'status', 'nothing arrived on', marks=pytest.mark.slow),
 ])
 def test_what_is_missing_in_an_ordinary_run_is_named(way, what, detail):
     discovery_s = 4.0 if way == 'NeverOpens' else SETTINGS.discovery_s
@@ -89,10 +100,13 @@ def test_a_run_that_should_have_ended_is_named(way, fault):
 
 @pytest.mark.parametrize(('way', 'what', 'detail'), [
     ('NeverDemands', 'demand ahead of what is consumed', '/demand has no writer'),
-    ('DemandsOnceAndForAll', 'demand ahead of what is consumed', 'must be transient_local'),
+    pytest.param(
+        'DemandsOnceAndForAll', 'demand ahead of what is consumed', 'must be transient_local',
+        marks=pytest.mark.slow),
     ('AnswersTwice', 'v[k] as soon as y_d[k], u_ff[k] and y[k] are there', '2 samples of'),
-    ('WaitsForTheNextMeasurement', 'v[k] as soon as y_d[k], u_ff[k] and y[k] are there',
-     '0 samples of'),
+    pytest.param(
+        'WaitsForTheNextMeasurement', 'v[k] as soon as y_d[k], u_ff[k] and y[k] are there',
+        '0 samples of', marks=pytest.mark.slow),
 ])
 def test_what_is_wrong_with_a_controller_is_named(way, what, detail):
     command = [sys.executable, str(FOLDER / 'wrong_controller.py'), way]
@@ -126,7 +140,10 @@ def test_the_plant_of_the_documentation_is_right_in_everything():
 OWN = {role: [sys.executable, '-m', 'piezo_ros.nodes.executables', role] for role in CONTRACTS}
 
 
-@pytest.mark.parametrize('role', CONTRACTS)
+# The command, below, checks the plant.
+@pytest.mark.parametrize('role', [
+    pytest.param(role, marks=pytest.mark.slow) if role == 'plant' else role
+    for role in CONTRACTS])
 def test_our_own_nodes_are_right_in_an_ordinary_run(role):
     settings = SETTINGS._replace(sample_period_s=1e-5)
     with StartedNode(role, OWN[role], settings) as session:

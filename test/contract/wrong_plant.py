@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Plants that break the contract, each in one way: `wrong_plant.py WAY --ros-args …`."""
+"""Plants that break the contract in one way or several: `wrong_plant.py A+B --ros-args …`."""
 
 import math
 import runpy
@@ -137,9 +137,9 @@ class DiesOnNonsense(GainPlant):
 
 
 if __name__ == '__main__':
-    way = sys.argv.pop(1)
+    ways = sys.argv.pop(1).split('+')
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-    plant = globals()[way]()
+    plant = type('WrongPlant', tuple(globals()[way] for way in ways), {})()
     try:
         while plant.state in ('inactive', 'active'):
             rclpy.spin_once(plant)

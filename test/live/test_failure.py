@@ -23,15 +23,16 @@ import pytest
 from piezo_ros.bag import BagError, read
 
 KILL, TERM = signal.SIGKILL, signal.SIGTERM
-# Victim, signal, graph: of each kind of node and of signal one, and all of them slowly.
+# Victim, signal, graph: of each kind of graph and of signal one, all of them with the slow ones.
 QUICK = [
-    ('recorder', KILL, '--separate'),
+    ('recorder', KILL, '--composed'),
     ('controller', TERM, '--separate'),
-    ('plant', KILL, '--separate'),
     ('loop', KILL, '--composed'),
 ]
 MATRIX = [
     *QUICK,
+    ('recorder', KILL, '--separate'),
+    ('plant', KILL, '--separate'),
     ('compensator', KILL, '--separate'),
     ('controller', KILL, '--separate'),
     ('trajectory', KILL, '--separate'),
@@ -39,7 +40,6 @@ MATRIX = [
     ('compensator', TERM, '--separate'),
     ('plant', TERM, '--separate'),
     ('trajectory', TERM, '--separate'),
-    ('recorder', KILL, '--composed'),
     ('loop', TERM, '--composed'),
 ]
 
@@ -76,7 +76,7 @@ def test_a_node_that_dies_ends_the_run_in_good_order(
 
 
 def test_a_full_disk_ends_the_run_and_keeps_what_was_flushed(rig, start_long, assert_whole):
-    command = start_long('--separate')
+    command = start_long('--composed')
     _limit_file_size(rig.nodes('recorder')['recorder'], 100_000)
     assert command.wait() == 1
     assert 'piezo: recorder failed' in command.output

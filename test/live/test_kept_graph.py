@@ -28,6 +28,7 @@ from piezo_ros.experiment.replay import replay
 ROOT = Path(__file__).parents[2]
 RUNS = [
     {'scheme': 'fbff', 'periods': 2},
+    {'scheme': 'fbff', 'periods': 2},  # nothing of the first is left
     {'output': 'voltage', 'amplitude_v': 2.0, 'waveform': 'triangle', 'harmonics': 0},
     {'scheme': 'open_loop', 'waveform': 'stepped_sine', 'amplitude_um': 0.3, 'harmonics': 0,
      'dwell_s': 0.01, 'trajectory': {'frequencies_hz': [500.0, 2000.0]}},
@@ -79,7 +80,7 @@ def test_runs_of_every_kind_follow_each_other_with_the_bits_of_the_offline_simul
     ('loop', signal.SIGKILL, 'loop was killed by SIGKILL'),
     pytest.param(
         'recorder', signal.SIGKILL, 'recorder was killed by SIGKILL', marks=pytest.mark.slow),
-    ('', signal.SIGINT, 'stopped by SIGINT'),
+    pytest.param('', signal.SIGINT, 'stopped by SIGINT', marks=pytest.mark.slow),
 ])
 def test_whatever_dies_the_bag_is_readable_and_nothing_is_left(
         rig, plan, until, victim, number, words):

@@ -65,6 +65,7 @@ def alone(tmp_path):
     return simulate
 
 
+@pytest.mark.slow  # test_live_campaign.py has two rigs at once every time.
 def test_two_rigs_in_two_namespaces_give_the_numbers_that_they_give_alone(rig, launched, alone):
     runs = {
         'one': {'amplitude_um': 1.5, 'periods': 3.0, 'scheme': 'fbff'},

@@ -27,7 +27,8 @@ KILL, TERM, INT = signal.SIGKILL, signal.SIGTERM, signal.SIGINT
 
 
 @pytest.mark.parametrize(('number', 'processes'), [
-    (INT, '--separate'), (TERM, '--composed'),
+    (TERM, '--composed'),
+    pytest.param(INT, '--separate', marks=pytest.mark.slow),
     pytest.param(TERM, '--separate', marks=pytest.mark.slow),
     pytest.param(INT, '--composed', marks=pytest.mark.slow)])
 def test_a_run_that_is_stopped_leaves_a_readable_bag(
@@ -71,7 +72,7 @@ def _assert_readable_or_empty(bag):
 def test_ctrl_c_at_the_end_either_stops_the_run_or_lets_it_be_reported(
         rig, write_plan, until):
     command = rig.piezo(
-        'run', write_plan('fbff', periods=1), '-o', rig.directory / 'out', '--separate')
+        'run', write_plan('fbff', periods=1), '-o', rig.directory / 'out', '--composed')
     until(lambda: (rig.bag / 'metadata.yaml').exists(), 'the closed bag')
     command.send(INT)
     assert command.wait() in (0, 1)
@@ -82,7 +83,7 @@ def test_ctrl_c_at_the_end_either_stops_the_run_or_lets_it_be_reported(
 
 
 @pytest.mark.parametrize('processes', [
-    '--separate', pytest.param('--composed', marks=pytest.mark.slow)])
+    pytest.param('--separate', marks=pytest.mark.slow), '--composed'])
 def test_no_node_outlives_a_killed_supervisor(
         rig, start_long, assert_whole, until, processes):
     command = start_long(processes)

@@ -138,6 +138,7 @@ def test_nodes_of_ones_own(shell, name):
         assert '3 runs, 0 beyond what the rig can do' in output
 
 
+@pytest.mark.slow  # test_packaging.py builds and tests a workspace every time.
 def test_a_colcon_workspace(shell, tmp_path):
     colcon = shutil.which('colcon', path=f'{Path(sys.executable).parent}:{os.environ["PATH"]}')
     if colcon is None:

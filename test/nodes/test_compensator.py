@@ -42,7 +42,9 @@ def _expected_v():
     return MaxwellResistiveCapacitor().inverse(COMMAND_UM)[0]
 
 
-@pytest.mark.parametrize('compiled', ['false', 'true'])
+# Python steps are what nearly all other tests run.
+@pytest.mark.parametrize('compiled', [
+    pytest.param('false', marks=pytest.mark.slow), 'true'])
 def test_typed_blocks_of_any_length_give_the_voltages_of_the_inverse_model(
         compensator, peer, block, compiled):
     process, writer = compensator(compiled=compiled, linger_s=0.0)
@@ -97,8 +99,9 @@ def test_a_malformed_block_is_refused_by_name_and_changes_nothing(compensator, p
 
 
 @pytest.mark.parametrize(('index', 'period_s', 'reason'), [
-    (7, 1e-5, 'lacks the samples 5 … 6'),
     (5, 2e-5, 'has the sample period 2e-05 s, expected 1e-05 s'),
+    # Also where any start index is taken, below.
+    pytest.param(7, 1e-5, 'lacks the samples 5 … 6', marks=pytest.mark.slow),
 ])
 def test_a_gap_or_another_sample_period_ends_the_run(
         compensator, peer, block, index, period_s, reason):
@@ -117,6 +120,7 @@ def test_a_second_writer_ends_the_run(compensator, peer, block):
     _assert_ended(process, peer, '/command has 2 writers')
 
 
+@pytest.mark.slow  # The plant's does so every time.
 def test_a_writer_that_leaves_ends_the_run(compensator, peer, block):
     process, writer = compensator()
     writer.publish(block('command', 0, COMMAND_UM[:5]))
@@ -146,6 +150,7 @@ def test_any_start_index_is_taken_once_and_gaps_are_still_faults(compensator, pe
     _assert_ended(process, peer, 'lacks the samples 5 … 6')
 
 
+@pytest.mark.slow  # Plant and controller join in the middle every time.
 def test_a_replay_from_the_middle_keeps_its_indices(compensator, peer, block):
     _, writer = compensator(start_index=-1)
     writer.publish(block('command', 5000, COMMAND_UM))
@@ -198,7 +203,8 @@ def test_who_has_sent_nothing_but_what_was_refused_may_leave(compensator, peer, 
     assert process.exit_code is None
 
 
-@pytest.mark.parametrize('compiled', ['false', 'true'])
+@pytest.mark.parametrize('compiled', [
+    pytest.param('false', marks=pytest.mark.slow), 'true'])
 def test_blocks_that_have_piled_up_are_answered_together_before_what_ends_the_run(
         compensator, peer, block, compiled):
     process, writer = compensator(compiled=compiled)
@@ -221,7 +227,8 @@ def test_blocks_that_have_piled_up_are_answered_together_before_what_ends_the_ru
     assert [len(message.data) - 2 for message in peer.received['voltage']] == [*together, 0]
 
 
-@pytest.mark.parametrize('compiled', ['false', 'true'])
+@pytest.mark.parametrize('compiled', [
+    'false', pytest.param('true', marks=pytest.mark.slow)])
 def test_blocks_that_have_piled_up_are_joined_only_to_what_a_datagram_holds(
         compensator, peer, block, compiled):
     process, writer = compensator(compiled=compiled)

@@ -138,7 +138,7 @@ def test_gains_and_scheme_change_at_the_sample_that_one_call_names(
     assert 'Traceback' not in process.output
 
 
-@pytest.mark.parametrize('scheme', ['fbff', 'ff'])
+@pytest.mark.parametrize('scheme', ['fbff', pytest.param('ff', marks=pytest.mark.slow)])
 def test_it_joins_where_all_streams_have_begun(controller, peer, block, scheme):
     process, writers = controller(start_index=-1, scheme=scheme)
     starts = {'reference': 5000, 'feedforward': 4990, 'displacement': 5007}
@@ -180,7 +180,8 @@ def fed_late(rig, peer):
     return start
 
 
-@pytest.mark.parametrize(('scheme', 'later'), [('fb', 'fbff'), ('open_loop', 'ff')])
+@pytest.mark.parametrize(('scheme', 'later'), [
+    ('fb', 'fbff'), pytest.param('open_loop', 'ff', marks=pytest.mark.slow)])
 def test_a_feedforward_that_comes_late_is_there_when_a_scheme_needs_it(
         fed_late, peer, send, change, scheme, later):
     process, writers = fed_late(scheme)
@@ -194,8 +195,10 @@ def test_a_feedforward_that_comes_late_is_there_when_a_scheme_needs_it(
     assert process.exit_code is None
 
 
-@pytest.mark.parametrize('scheme', ['ff', 'open_loop'])
-@pytest.mark.parametrize('compiled', ['false', 'true'])
+@pytest.mark.parametrize(('scheme', 'compiled'), [
+    ('ff', 'true'), ('open_loop', 'false'),
+    pytest.param('ff', 'false', marks=pytest.mark.slow),
+    pytest.param('open_loop', 'true', marks=pytest.mark.slow)])
 def test_reference_and_feedforward_may_be_cut_and_late_as_they_like(
         controller, peer, block, scheme, compiled):
     _, writers = controller(scheme=scheme, compiled=compiled)

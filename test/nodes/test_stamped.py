@@ -239,12 +239,13 @@ def test_it_is_no_reader_of_any_stream(rig, peer):
         0] * len(STREAMS)
 
 
+@pytest.mark.slow  # The values of every stream, above, are those of a loop alone.
 def test_a_recorded_run_is_the_same_beside_it(rig, peer, listen, write_plan):
     stamped = rig.node('stamped', use_sim_time='true')
     stamped.wait_for('the stamps are simulated time')
     messages = listen('displacement')['displacement']
     plan = write_plan('fbff', periods=PERIODS)
-    command = rig.piezo('run', plan, '-o', rig.directory / 'out', '--separate')
+    command = rig.piezo('run', plan, '-o', rig.directory / 'out', '--composed')
     peer.wait(lambda: command.exit_code is not None, 'the run')
     assert command.exit_code == 0, command.output
     run = read(rig.bag)

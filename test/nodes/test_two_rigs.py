@@ -15,6 +15,7 @@
 """Two rigs in two namespaces of one domain, at once: nothing of one is seen in the other."""
 
 import numpy as np
+import pytest
 import yaml
 
 from piezo_ros.bag import STREAMS, read
@@ -25,6 +26,7 @@ def _plan(path, content, **run):
     return path
 
 
+@pytest.mark.slow  # test_live_campaign.py has two rigs at once every time.
 def test_two_rigs_give_at_once_what_each_gives_alone(rig, make_rig, write_plan, tmp_path):
     content = yaml.safe_load(write_plan('fbff').read_text())
     # Long enough to be at work at the same time.

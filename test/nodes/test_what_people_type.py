@@ -41,8 +41,7 @@ def _get(peer, node, *names):
         GetParameters, f'{node}/get_parameters', GetParameters.Request(names=names)).values
 
 
-@pytest.mark.parametrize('word', ['--help', '-h'])
-@pytest.mark.parametrize('executable', ['plant', 'loop'])
+@pytest.mark.parametrize(('executable', 'word'), [('plant', '-h'), ('loop', '--help')])
 def test_help_is_shown_and_no_node_started(rig, executable, word):
     process = rig.start_process(executable, word)
     assert process.wait() == 0
@@ -58,7 +57,8 @@ def test_an_unknown_word_is_refused(rig):
 
 
 @pytest.mark.parametrize(('name', 'text', 'value'), [
-    ('noise_rms_um', '1e-5', 1e-5), ('safe_slew_v_per_s', '2E+3', 2000.0)])
+    ('noise_rms_um', '1e-5', 1e-5),
+    pytest.param('safe_slew_v_per_s', '2E+3', 2000.0, marks=pytest.mark.slow)])
 def test_a_number_that_yaml_takes_for_text_is_a_number(rig, peer, name, text, value):
     rig.start_node('plant', '-p', f'{name}:={text}', '-p', 'autostart:=false')
     (given,) = _get(peer, 'plant', name)
@@ -81,7 +81,8 @@ def test_a_list_with_such_numbers_is_one_of_numbers(rig, peer):
     assert list(saturation.double_array_value) == [0.1]
 
 
-@pytest.mark.parametrize('node', ['plant', 'trajectory'])
+@pytest.mark.parametrize('node', [
+    'plant', pytest.param('trajectory', marks=pytest.mark.slow)])
 def test_what_a_node_dumps_it_takes_again(rig, peer, node):
     """``ros2 param load`` sends each value of the dump through YAML, floats as Python's repr."""
     rig.start_node(node, '-p', 'autostart:=false')
@@ -99,8 +100,8 @@ def test_what_a_node_dumps_it_takes_again(rig, peer, node):
 
 @pytest.mark.parametrize(('override', 'told'), [
     ('subscription.history:=nonsense', 'nonsense'),
-    ('subscription.depth:=-5', 'depth = -5'),
-    ('subscription.reliability:=3', 'reliability = 3')])
+    pytest.param('subscription.depth:=-5', 'depth = -5', marks=pytest.mark.slow),
+    pytest.param('subscription.reliability:=3', 'reliability = 3', marks=pytest.mark.slow)])
 def test_nonsense_in_a_qos_override_is_told_with_what_is_allowed(rig, override, told):
     process = rig.start_node('plant', '-p', f'qos_overrides.{rig.namespace}/voltage.{override}')
     assert process.wait() == 1

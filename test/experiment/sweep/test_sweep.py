@@ -244,7 +244,7 @@ def check_what_a_killed_worker_costs(work, engine, kill):
 
 
 def test_a_killed_process_costs_only_what_it_was_doing(prepare):
-    work = prepare(draws=6, periods=6000)
+    work = prepare(draws=4, periods=6000)
     check_what_a_killed_worker_costs(
         work, local_engine(2),
         lambda: os.kill(multiprocessing.active_children()[0].pid, signal.SIGKILL))
@@ -294,6 +294,7 @@ class TestDask:
         shared = run_sweep(work, dask_engine(2), workers=2)
         assert without_times(shared.results) == without_times(alone.results)
 
+    @pytest.mark.slow
     def test_a_killed_worker_of_a_given_cluster_costs_only_what_it_was_doing(
             self, cluster, prepare):
         work = prepare(draws=6, periods=6000)

@@ -149,7 +149,7 @@ def test_a_delay_does_not_hide_behind_elements_that_are_missing():
     assert fit.delay_samples == pytest.approx(3.0, abs=0.3)
 
 
-@pytest.mark.parametrize('elements', [1, 3, 12])
+@pytest.mark.parametrize('elements', [1, pytest.param(3, marks=pytest.mark.slow), 12])
 def test_every_fit_is_monotone_and_invertible_however_noisy_the_data(elements):
     voltage = short()
     for seed in range(3):
@@ -173,7 +173,7 @@ def test_the_stated_95_percent_bands_cover_the_truth():
     voltage = short()
     displacement = SMALL.forward(voltage)[0]
     inside = []
-    for seed in range(20):
+    for seed in range(10):
         fit = fit_hysteresis(voltage, displacement + noise(voltage.size, seed=seed), elements=3)
         for values, errors, truth in (
             (fit.parameters.kappa_um_per_v, fit.kappa_standard_error_um_per_v,

@@ -80,7 +80,7 @@ def test_on_the_grid_of_the_paper_the_bound_is_above_every_point_and_tight():
 
 
 @pytest.mark.parametrize('order', [0, 1, 2, 3, 5])
-@pytest.mark.parametrize('seed', [1, 2])
+@pytest.mark.parametrize('seed', [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_the_bound_is_stable_minimum_phase_and_above_whatever_the_points(order, seed):
     generator = np.random.default_rng(seed)
     frequency = np.geomspace(10.0, 5000.0, 25)

@@ -29,20 +29,27 @@ from piezo_ros.model import MaxwellResistiveCapacitor
 COMMAND_UM = 2.0 * np.sin(0.05 * np.arange(200.0))
 
 
-@pytest.mark.parametrize(('node', 'parameter', 'value', 'words'), [
+# A number out of its range, a rule among parameters, a wrong type, a word of a list.
+REFUSED = [
     ('trajectory', 'frequency_hz', '60000.0', ['frequency_hz', '60000.0 Hz', '50000 Hz']),
+    ('controller', 'integral_gain_per_s', '.inf', ['integral_gain_per_s', 'inf', 'Max']),
+    ('plant', 'seed', 'abc', ['seed', "'abc'", 'INTEGER']),
+    ('plant', 'operating_point_v', '11.0', ['operating_point_v', '11.0', '-2.0 … 10.0']),
+    ('compensator', 'saturation_v', '[1.0, 2.0]', ['saturation_v', '11 values', '2;']),
+    ('recorder', 'streams', 'voltage,speed', ['streams', "'speed'", 'reference, feedforward']),
+]
+REFUSED_AS_WELL = [
     ('trajectory', 'amplitude_um', '.nan', ['amplitude_um', 'nan', 'Min: 0.0, Max: 10000.0']),
     ('trajectory', 'waveform', 'square', ['waveform', "'square'", 'triangle, sine']),
     ('controller', 'scheme', 'bang', ['scheme', "'bang'", 'fb, ff, fbff, open_loop']),
-    ('controller', 'integral_gain_per_s', '.inf', ['integral_gain_per_s', 'inf', 'Max']),
     ('plant', 'seed', '-1', ['seed', '-1', 'Min: 0']),
-    ('plant', 'seed', 'abc', ['seed', "'abc'", 'INTEGER']),
-    ('plant', 'operating_point_v', '11.0', ['operating_point_v', '11.0', '-2.0 … 10.0']),
     ('compensator', 'sample_period_s', '0.0', ['sample_period_s', '0.0', 'Min: 1e-09']),
-    ('compensator', 'saturation_v', '[1.0, 2.0]', ['saturation_v', '11 values', '2;']),
-    ('recorder', 'streams', 'voltage,speed', ['streams', "'speed'", 'reference, feedforward']),
     ('recorder', 'compression', 'gzip', ['compression', "'gzip'", 'zstd, lz4, none']),
-])
+]
+
+
+@pytest.mark.parametrize(('node', 'parameter', 'value', 'words'), [
+    *REFUSED, *(pytest.param(*each, marks=pytest.mark.slow) for each in REFUSED_AS_WELL)])
 def test_an_invalid_value_ends_the_start_in_one_clear_line(rig, node, parameter, value, words):
     process = rig.node(node, **{parameter: value})
     assert process.wait() == 1
@@ -117,6 +124,7 @@ def test_parameters_are_described_and_invalid_changes_refused_with_the_reason(ri
     assert 'read-only' in result.reason
 
 
+@pytest.mark.slow  # test_lifecycle.py activates a whole loop twice, and takes every transition.
 def test_every_activation_is_a_run_of_its_own_with_the_same_samples(rig, peer, block):
     writer = peer.writer('command')
     peer.read('voltage')

@@ -119,14 +119,16 @@ MISSING = {
 }
 
 
-def test_an_activation_without_peers_fails_and_names_the_topic(rig, peer, tmp_path):
+@pytest.mark.parametrize('nodes', [
+    ('compensator', 'recorder'), pytest.param(tuple(NODE_PARAMETERS), marks=pytest.mark.slow)])
+def test_an_activation_without_peers_fails_and_names_the_topic(rig, peer, tmp_path, nodes):
     processes = {
         node: rig.node(
             node, autostart='false', handshake_timeout_s=0.1, required_readers=0,
             **({'bag_directory': tmp_path / 'bag', 'streams': 'reference'}
                if node == 'recorder' else {}))
-        for node in NODE_PARAMETERS}
-    for node in NODE_PARAMETERS:
+        for node in nodes}
+    for node in nodes:
         for _ in range(2):
             assert peer.change_state(node, 'configure')
             for _ in range(2):

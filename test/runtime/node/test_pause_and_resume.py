@@ -70,7 +70,7 @@ def _cycles(peer, processes, number, seed):
 @pytest.mark.parametrize(('composed', 'scheme'), [
     (True, 'fbff'), (False, 'ff'), pytest.param(False, 'fb', marks=pytest.mark.slow)])
 def test_a_paused_loop_resumes_with_a_whole_run(managed, peer, composed, scheme):
-    _cycles(peer, managed(composed, scheme), 3, seed=composed)
+    _cycles(peer, managed(composed, scheme), 2, seed=composed)
 
 
 @pytest.mark.slow

@@ -21,7 +21,8 @@ STAGES = ('trajectory', 'controller', 'compensator', 'plant')
 
 
 @pytest.mark.parametrize(('stopped', 'states'), [
-    ('trajectory', ('stopped', 'finished', 'finished', 'finished')),
+    pytest.param(
+        'trajectory', ('stopped', 'finished', 'finished', 'finished'), marks=pytest.mark.slow),
     # A node that only waits for the controller is told that nothing more is wanted.
     ('controller', ('stopped', 'stopped', 'finished', 'finished')),
     # So is the controller by a displacement that ends before the trajectory.

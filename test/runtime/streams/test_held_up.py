@@ -99,6 +99,7 @@ def test_any_node_at_forty_moments(rig, write_plan, seed):
     _try(rig, write_plan, seed)
 
 
+@pytest.mark.slow
 def test_a_recorder_that_is_held_up_as_the_run_begins_has_all_parameters(launched, rig, until):
     """As three of three lost them: the time limit for the parameters ran while it stood still."""
     bag = rig.directory / 'bag'
