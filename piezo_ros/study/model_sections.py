@@ -116,7 +116,7 @@ def dynamics_section(results: PaperResults) -> Section:
          published.standard_errors[name], fit.values[name], fit.standard_errors[name]]
         for name, symbol in _SYMBOLS.items()]
     return Section('table-2', 'Table 2, Fig. 6 and 7: the linear dynamics', [
-        Picture('bare', 'Fig. 6: the bare actuator: its gain depends on the amplitude.',
+        Picture('bare', 'Fig. 6: the bare actuator, with a gain that depends on the amplitude.',
                 lambda: response_figure(
                     [_curve(sweeps, 'V') for sweeps in results.bare_responses],
                     title='Bare actuator', unit='µm/V')),
