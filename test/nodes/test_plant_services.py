@@ -175,7 +175,7 @@ def test_stop_reset_and_initialise(managed, peer, block, trigger):
     assert abs(again_um[0] - first_um[0]) < 0.02
     np.testing.assert_allclose(again_um, first_um, atol=0.03)
 
-    # A fault stays until somebody clears it.
+    # A fault stays until it is cleared.
     assert peer.change_state('plant', 'activate')
     writer.publish(block('voltage', 5, [0.0]))
     reason = peer.wait_for_status('plant', state='faulted')['reason']
@@ -192,7 +192,7 @@ def test_stop_reset_and_initialise(managed, peer, block, trigger):
     peer.wait_for_status('plant', state='active', reason='', run=5)
     assert process.exit_code is None
     assert 'Traceback' not in process.output
-    # A process whose only node is shut down has nothing left to do.
+    # A process has nothing left to do once its only node is shut down.
     assert peer.change_state('plant', 'active_shutdown')
     assert process.wait() == 0
 

@@ -179,7 +179,7 @@ def _rigs(make_directory):
 
 @pytest.fixture
 def rig(tmp_path):
-    """One rig whose processes end with the test."""
+    """One rig; its processes end with the test."""
     yield from (make() for make in _rigs(lambda: tmp_path))
 
 
@@ -201,7 +201,7 @@ def launched(rig):
 
 @pytest.fixture(scope='module')
 def make_rig(tmp_path_factory):
-    """Make rigs whose processes end with the module."""
+    """Make rigs; their processes end with the module."""
     yield from _rigs(lambda: tmp_path_factory.mktemp('rig'))
 
 
