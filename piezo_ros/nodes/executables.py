@@ -55,8 +55,8 @@ def _run(*names: str) -> int:
 
     classes = [
         getattr(import_module(f'piezo_ros.nodes.{name}'), name.capitalize()) for name in names]
-    # Several nodes in one process share the time that the compiler's import takes.
-    code = host(lambda: [make(compiled=len(classes) > 1) for make in classes])
+    # Several stages in one process share the time that the compiler's import takes.
+    code = host(lambda: [stage(compiled=len(classes) > 1) for stage in classes])
     # While Python shuts down, a signal would kill it, and its exit code would be lost.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_IGN)

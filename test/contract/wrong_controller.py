@@ -35,7 +35,7 @@ class NeverDemands(IntegralController):
 
 
 class DemandsOnceAndForAll(IntegralController):
-    """In a way that a later reader does not hear."""
+    """In a way that nobody hears who comes later."""
 
     def create_publisher(self, message_type, topic, qos):
         return super().create_publisher(

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Whatever dies: the run ends, the voltage lands at zero, the bag is readable, no process stays."""
+"""Whatever dies: the run ends, the voltage lands at zero, the bag is readable, nobody is left."""
 
 import os
 import resource

@@ -51,7 +51,7 @@ sys.exit(service.run())
 
 @pytest.fixture
 def alone(tmp_path):
-    """Return the streams of an undisturbed run of the same rig."""
+    """Return the streams of a run of the same rig that nobody disturbs."""
     def simulate(**run):
         plan = tmp_path / 'plan.yaml'
         plan.write_text(yaml.safe_dump({

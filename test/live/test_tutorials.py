@@ -113,7 +113,7 @@ def test_there_are_tutorials_and_each_has_commands():
         'by-hand', 'colcon-workspace', 'first-scan', 'your-own-controller', 'your-own-rig'}
     for path in TUTORIALS:
         assert len(blocks(path, *KINDS)) >= 3
-        # No block may escape the tests by an unknown kind.
+        # No block may escape the tests by a kind that nobody knows.
         kinds = set(re.findall(r'^```(.+)$', path.read_text(encoding='utf-8'), re.MULTILINE))
         assert kinds <= {'sh', *(f'sh {kind}' for kind in KINDS)}
 

@@ -28,8 +28,8 @@ from std_msgs.msg import Float64MultiArray
 
 from piezo_ros.bag import read
 
-# Node -> the streams that are played into it, and the one that it must answer with.
-LOOP_NODES = {
+# Stage -> the streams that are played into it, and the one that it must answer with.
+STAGES = {
     'controller': (('reference', 'feedforward', 'displacement'), 'command'),
     'compensator': (('command',), 'voltage'),
     'plant': (('voltage',), 'displacement'),
@@ -89,7 +89,7 @@ class Player:
 
 @pytest.fixture(scope='module')
 def recorded(make_rig, write_plan):
-    """A rig, and the bags of two runs that were recorded in its namespace."""
+    """A rig in whose namespace two runs were recorded, and their bags."""
     rig = make_rig()
     process = rig.piezo(
         'run', write_plan('fbff', 'ff', periods=2), '-o', rig.directory / 'out', '--composed')
@@ -110,40 +110,40 @@ def _parameter_file(bag, path):
     return path
 
 
-@pytest.mark.parametrize('node', LOOP_NODES)
+@pytest.mark.parametrize('stage', STAGES)
 def test_a_played_bag_gives_the_recorded_stream_again_whatever_the_rate(
-        recorded, recorded_peer, tmp_path, node):
+        recorded, recorded_peer, tmp_path, stage):
     rig, bags = recorded
     peer = recorded_peer
-    played, answered = LOOP_NODES[node]
+    played, answered = STAGES[stage]
     peer.read(answered)
     for bag, scheme in zip(bags, ('fbff', 'ff'), strict=True):
         expected = read(bag).whole(answered)[1]
         # The parameters of the recorded node, and one reader where there were two.
         process = rig.start_node(
-            node, '--params-file', str(_parameter_file(bag, tmp_path / f'{scheme}.yaml')),
+            stage, '--params-file', str(_parameter_file(bag, tmp_path / f'{scheme}.yaml')),
             '-p', 'autostart:=false', '-p', 'handshake_timeout_s:=60.0',
             '-p', 'required_readers:=1', '-p', 'compiled:=false', '-p', 'watchdog_s:=1e4')
-        assert peer.change_state(node, 'configure')
+        assert peer.change_state(stage, 'configure')
         for rate in RATES:
             player = Player(rig, bag, played, short_history=rate == 'one by one')
             peer.wait(player.matched, 'the node to be discovered')
             if rate == BEFORE:
                 player.play(rate)
-            assert peer.change_state(node, 'activate')
-            # A node that is active has found the player, not only the player the node.
+            assert peer.change_state(stage, 'activate')
+            # Active is who has found the player: not only the player it.
             if rate != BEFORE:
                 player.play(rate)
-            peer.wait_for_status(node, state='finished', index=expected.size, refused=0)
+            peer.wait_for_status(stage, state='finished', index=expected.size, refused=0)
             samples = peer.wait_for_samples(answered, expected.size)
             np.testing.assert_array_equal(
                 np.array(samples).view(np.uint64), expected.view(np.uint64))
-            assert peer.change_state(node, 'deactivate')
+            assert peer.change_state(stage, 'deactivate')
             player.destroy()
             peer.wait(
                 lambda: len(peer.received[answered][-1].data) == 2, 'the end of the stream')
             peer.received[answered].clear()
-        assert peer.change_state(node, 'inactive_shutdown')
+        assert peer.change_state(stage, 'inactive_shutdown')
         assert process.wait() == 0, process.output
         for word in ('WARN', 'ERROR', 'Traceback'):
             assert word not in process.output

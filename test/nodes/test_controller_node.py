@@ -167,7 +167,7 @@ def test_it_joins_where_all_streams_have_begun(controller, peer, block, scheme):
 
 @pytest.fixture
 def fed_late(rig, peer):
-    """Start a controller without feedforward; the writer of that comes during the run."""
+    """Start a controller without feedforward, whose writer comes when it runs already."""
     def start(scheme):
         peer.read('command')
         writers = {stream: peer.writer(stream) for stream in ('reference', 'displacement')}

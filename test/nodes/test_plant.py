@@ -128,7 +128,7 @@ def test_a_stopped_plant_lands_at_zero_volts(plant, peer, block, number):
     status = peer.wait_for_status('plant', state='stopped')
     assert (status['voltage_v'], status['reason']) == (0.0, number.name)
     _assert_end(peer, 51)
-    # An operator wanted it so: no fault.
+    # Somebody wanted it so: no fault.
     assert process.wait() == 0
     assert f'run 1 stopped ({number.name})' in process.output
     assert 'ERROR' not in process.output

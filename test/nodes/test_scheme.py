@@ -48,7 +48,7 @@ def test_auto_becomes_a_concrete_scheme_when_the_controller_is_configured(rig, p
     assert scheme_parameter(peer) == 'auto'
     assert peer.change_state('controller', 'configure')
     assert peer.wait_for_status('controller', state='inactive')['scheme'] == 'fbff'
-    # A node that reads the parameters, as the recorder does, reads what is in use.
+    # Whoever reads the parameters, as the recorder does, reads what is in use.
     assert scheme_parameter(peer) == 'fbff'
     process.wait_for(
         'scheme auto is fbff: the scan has 300 Hz, feedback is acceptable below 450 Hz')
@@ -76,7 +76,7 @@ def test_auto_becomes_a_concrete_scheme_when_the_controller_is_configured(rig, p
         peer, 'scan_frequency_hz', type=ParameterType.PARAMETER_DOUBLE, double_value=800.0)
     assert peer.change_state('controller', 'configure')
     peer.wait_for_status('controller', state='inactive', scheme='ff')
-    # A scheme that is set by hand stays.
+    # A scheme that somebody sets stays.
     set_parameter(peer, 'scheme', type=ParameterType.PARAMETER_STRING, string_value='fb')
     assert peer.change_state('controller', 'cleanup')
     assert scheme_parameter(peer) == 'fb'

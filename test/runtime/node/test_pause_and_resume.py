@@ -19,21 +19,21 @@ import random
 
 import pytest
 
-LOOP_NODES = ('compensator', 'controller', 'plant', 'trajectory')
+STAGES = ('compensator', 'controller', 'plant', 'trajectory')
 OVER = ('finished', 'faulted', 'stopped')
 SAMPLES = 1667  # of five periods of 300 Hz
 
 
 @pytest.fixture
 def managed(rig, peer):
-    """Start a loop for a lifecycle manager, configured."""
+    """Start a loop that somebody else leads, configured."""
     def start(composed, scheme):
         words = ['-p', 'autostart:=false', '-p', 'linger_s:=-1.0', '-p', 'periods:=5.0',
                  '-p', f'scheme:={scheme}', '-p', 'handshake_timeout_s:=60.0']
         processes = [
-            rig.start_node(name, *words) for name in (('loop',) if composed else LOOP_NODES)]
-        for node in LOOP_NODES:
-            assert peer.change_state(node, 'configure')
+            rig.start_node(name, *words) for name in (('loop',) if composed else STAGES)]
+        for stage in STAGES:
+            assert peer.change_state(stage, 'configure')
         return processes
 
     return start
@@ -42,24 +42,24 @@ def managed(rig, peer):
 def _cycle(peer, orders):
     """Activate, pause at some moment of the run, resume, run to the end."""
     for transition in ('activate', 'deactivate'):
-        for node in next(orders):
-            assert peer.change_state(node, transition), peer.status(node)
-    for node in LOOP_NODES:
-        peer.forget(node)
-    for node in next(orders):
-        assert peer.change_state(node, 'activate'), peer.status(node)
-    for node in LOOP_NODES:
-        peer.wait(lambda node=node: peer.status(node).get('state') in OVER, f'the end: {node}')
-    assert {node: (peer.status(node)['state'], peer.status(node)['reason'])
-            for node in LOOP_NODES} == dict.fromkeys(LOOP_NODES, ('finished', ''))
+        for stage in next(orders):
+            assert peer.change_state(stage, transition), peer.status(stage)
+    for stage in STAGES:
+        peer.forget(stage)
+    for stage in next(orders):
+        assert peer.change_state(stage, 'activate'), peer.status(stage)
+    for stage in STAGES:
+        peer.wait(lambda stage=stage: peer.status(stage).get('state') in OVER, f'the end: {stage}')
+    assert {stage: (peer.status(stage)['state'], peer.status(stage)['reason'])
+            for stage in STAGES} == dict.fromkeys(STAGES, ('finished', ''))
     assert peer.status('plant')['index'] == SAMPLES + 1  # with the opening reading
-    for node in next(orders):
-        assert peer.change_state(node, 'deactivate')
+    for stage in next(orders):
+        assert peer.change_state(stage, 'deactivate')
 
 
 def _cycles(peer, processes, number, seed):
     draw = random.Random(seed)
-    orders = (draw.sample(LOOP_NODES, len(LOOP_NODES)) for _ in itertools.count())
+    orders = (draw.sample(STAGES, len(STAGES)) for _ in itertools.count())
     for _ in range(number):
         _cycle(peer, orders)
     for process in processes:

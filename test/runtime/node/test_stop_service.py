@@ -17,12 +17,12 @@
 import pytest
 from std_srvs.srv import Trigger
 
-LOOP_NODES = ('trajectory', 'controller', 'compensator', 'plant')
+STAGES = ('trajectory', 'controller', 'compensator', 'plant')
 
 
 @pytest.mark.parametrize(('stopped', 'states'), [
     ('trajectory', ('stopped', 'finished', 'finished', 'finished')),
-    # A node that only waits for the controller is told that nothing more is wanted.
+    # Who only waits for the controller is told that nothing more is wanted.
     ('controller', ('stopped', 'stopped', 'finished', 'finished')),
     # So is the controller by a displacement that ends before the trajectory.
     ('plant', ('stopped', 'stopped', 'finished', 'stopped')),
@@ -34,14 +34,14 @@ def test_one_stopped_node_ends_the_whole_loop(rig, peer, stopped, states):
     peer.wait(lambda: peer.status('plant').get('index', 0) > 100, 'samples')
     answer = peer.call(Trigger, f'{stopped}/stop', Trigger.Request())
     assert (answer.success, answer.message) == (True, 'stopped: asked to by ~/stop')
-    for node, state in zip(LOOP_NODES, states, strict=True):
-        status = peer.wait_for_status(node, state=state)
+    for stage, state in zip(STAGES, states, strict=True):
+        status = peer.wait_for_status(stage, state=state)
         if state == 'stopped':
-            assert status['by_peer'] == (node != stopped)
-        if node == 'trajectory' and node != stopped:
+            assert status['by_peer'] == (stage != stopped)
+        if stage == 'trajectory' and stage != stopped:
             assert status['reason'] == 'no more samples are demanded'
     assert peer.wait_for_status('plant')['voltage_v'] == 0.0
-    # An operator wanted it so: no fault.
+    # Somebody wanted it so: no fault.
     assert process.wait() == 0
     assert 'ERROR' not in process.output
     assert 'Traceback' not in process.output

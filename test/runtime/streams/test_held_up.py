@@ -67,7 +67,7 @@ def _assert_nothing_is_missing(bag, *, whole):
 
 def _try(rig, write_plan, seed):
     draw = random.Random(seed)
-    # Half of the trials with the watchdog's own patience, half with more than a process is held up.
+    # Half of the trials with the watchdog's own patience, half with more than anybody is held up.
     watchdog_s = draw.choice([2.0, 60.0])
     plan = write_plan('fbff', periods=15, watchdog_s=watchdog_s)
     command = rig.piezo('run', plan, '-o', rig.directory / 'out', '--separate')
@@ -82,7 +82,7 @@ def _try(rig, write_plan, seed):
     assert not rig.nodes(), how
     assert 'Traceback' not in command.output
     if by_watchdog:
-        # Another process was the one that did not answer.
+        # Somebody else was the one who did not answer.
         assert held not in (None, 'plant'), how
     if code == 0 or read(rig.bag).samples:
         _assert_nothing_is_missing(rig.bag, whole=code == 0)
