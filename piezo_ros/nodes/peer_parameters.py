@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the nodes that write the streams say of themselves, asked for by their services."""
+"""The parameters of the nodes that write the streams, asked for by their services."""
 
 import math
 import time
@@ -73,17 +73,17 @@ class PeerParameters:
             if name in self._clients and self._clients[name].services_are_ready()]
 
     def complete(self) -> bool:
-        """Ask whom has not been asked yet; return whether every node has answered."""
-        everyone_known = True
+        """Ask the nodes that were not asked yet; return whether every node has answered."""
+        all_known = True
         for reader in self._recorder.readers.values():
             topic = reader.subscription.topic_name
             endpoints = self._recorder.get_publishers_info_by_topic(topic)
             # A matched writer may not be in the graph yet.
-            everyone_known = everyone_known and bool(endpoints)
+            all_known = all_known and bool(endpoints)
             for endpoint in endpoints:
                 # Discovery tells of an endpoint before it tells of its node.
                 if endpoint.node_name.startswith('_'):
-                    everyone_known = False
+                    all_known = False
                     continue
                 name = f'{endpoint.node_namespace.rstrip("/")}/{endpoint.node_name}'
                 if name not in self._clients:
@@ -96,7 +96,7 @@ class PeerParameters:
             if now_s >= due_s and client.services_are_ready():
                 self._asked_s[name] = now_s
                 client.list_parameters(callback=self._guarded(self._got_names, name))
-        return everyone_known and not self.silent
+        return all_known and not self.silent
 
     def _guarded(self, take: Callable[..., None], *arguments: Any) -> Callable[[Any], None]:
         return guarded(self._recorder, partial(take, *arguments))

@@ -20,21 +20,19 @@ It reads ``newest/<stream>``, which costs the loop no reader and no waiting; see
 
 import sys
 import time
-from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
 import rclpy
 from rclpy.exceptions import ParameterException
-from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
-from rclpy.subscription import Subscription
 from std_msgs.msg import Float64MultiArray
 
 from piezo_ros.bag import STREAMS
 from piezo_ros.parameters.node_parameters import StampedParameters
 from piezo_ros.runtime.node.guard import explain, guard_services
+from piezo_ros.runtime.node.hidden_subscriptions import NodeWithHiddenSubscriptions
 from piezo_ros.runtime.node.observation import newest_topic
 from piezo_ros.runtime.node.parameters import declare, read
 from piezo_ros.runtime.node.steady_timer import SteadyTimer
@@ -127,8 +125,9 @@ def joint_state_fields(stream: str, value: float, joint: str) -> dict[str, list[
     value : float
         In the unit of the stream.
     joint : str
-        The joint whose position, in metres, a length is. No message has a field for volts: they go
-        into the effort of a joint of another name, which is not taken for a force on this one.
+        The joint that gets a length as its position, in metres. No message has a field for volts:
+        they go into the effort of a joint of another name, which is not taken for a force on this
+        one.
 
     """
     if STREAMS[stream] == 'um':
@@ -136,7 +135,7 @@ def joint_state_fields(stream: str, value: float, joint: str) -> dict[str, list[
     return {'name': [f'{joint}_{stream}_{STREAMS[stream]}'], 'effort': [value]}
 
 
-class Stamped(Node):
+class Stamped(NodeWithHiddenSubscriptions):
     """
     Publishes the newest sample of each stream on ``stamped/<stream>``.
 
@@ -150,7 +149,6 @@ class Stamped(Node):
     """
 
     def __init__(self, message_type: Any) -> None:
-        self._watched: set[Subscription] = set()
         super().__init__('stamped')
         guard_services(self)
         declare(self, StampedParameters)
@@ -168,20 +166,6 @@ class Stamped(Node):
         self.get_logger().info(
             f'offers {", ".join(twin.publisher.topic_name for twin in self._twins)}; the stamps '
             f'are {"simulated time" if self.is_simulated else "of the clock on the wall"}')
-
-    def watch(self, topic: str) -> Subscription:
-        """Subscribe to a topic of newest samples, to be taken from and never waited for."""
-        subscription = self.create_subscription(
-            Float64MultiArray, topic, lambda _message: None, **overridable(NEWEST))
-        self._watched.add(subscription)
-        return subscription
-
-    @property
-    def subscriptions(self) -> Iterator[Subscription]:
-        """The subscriptions that an executor shall serve: not those that are taken from."""
-        for subscription in super().subscriptions:
-            if subscription not in self._watched:
-                yield subscription
 
     def _looking_hz(self) -> float:
         rate_hz = self.settings.rate_hz
@@ -227,7 +211,8 @@ class _Twin:
     def __init__(self, node: Stamped, stream: str) -> None:
         self._node = node
         self._stream = stream
-        self.subscription = node.watch(newest_topic(stream))
+        self.subscription = node.create_hidden_subscription(
+            Float64MultiArray, newest_topic(stream), NEWEST)
         self.publisher = node.create_publisher(
             node.message_type, f'stamped/{stream}', **overridable(_STAMPED))
         self.is_settled = False  # nothing has to be told of its writer

@@ -52,7 +52,7 @@ def _record(rig, words=()):
     """Run the loop with other names; return the bag."""
     bag = rig.directory / 'bag'
     recorder = rig.start_node('recorder', '-p', f'bag_directory:={bag}', *REMAPPED, *words)
-    stages = [
+    processes = [
         rig.start_node(
             role, *(('-r', f'__node:={NAMES[role]}') if role in NAMES else ()), *REMAPPED,
             '--params-file', str(CONFIG / f'{file}.yaml'), '-p', 'required_readers:=2',
@@ -60,10 +60,10 @@ def _record(rig, words=()):
             '-p', f'periods:={PERIODS}')
         for role, file in FILES.items()]
     assert recorder.wait() == 0, recorder.output
-    for stage in stages:
-        stage.send(signal.SIGINT)
-        assert stage.wait() == 0, stage.output
-        assert 'ERROR' not in stage.output
+    for process in processes:
+        process.send(signal.SIGINT)
+        assert process.wait() == 0, process.output
+        assert 'ERROR' not in process.output
     return bag
 
 

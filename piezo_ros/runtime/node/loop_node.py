@@ -197,7 +197,7 @@ class LoopNode(NodeHooks):
         self.is_configured = False
         self._monitor.stop()
         for reader in self.readers.values():
-            self.destroy_stream_subscription(reader.subscription)
+            self.destroy_hidden_subscription(reader.subscription)
         for writer in self.writers.values():
             for publisher in writer.publishers:
                 self.destroy_publisher(publisher)

@@ -36,6 +36,7 @@ from rclpy.subscription import Subscription
 from std_srvs.srv import Trigger
 
 from piezo_ros.runtime.node.guard import explain, guard_services
+from piezo_ros.runtime.node.hidden_subscriptions import NodeWithHiddenSubscriptions
 from piezo_ros.runtime.node.transitions import TransitionServer
 from piezo_ros.runtime.streams.qos import OVERRIDES, overridable
 
@@ -48,7 +49,7 @@ class ServiceRefusedError(Exception):
     """What a service was asked for does not go now; the text says why."""
 
 
-class StreamNode(LifecycleNode):
+class StreamNode(NodeWithHiddenSubscriptions, LifecycleNode):
     """
     A managed node with streams that an executor does not see.
 
@@ -62,7 +63,6 @@ class StreamNode(LifecycleNode):
     """
 
     def __init__(self, name: str, **arguments: Any) -> None:
-        self._stream_subscriptions: set[Subscription] = set()
         self._own_subscriptions: list[Subscription] = []
         self.own_publishers: list[Publisher] = []
         self._hidden_services: list[Service] = []
@@ -148,10 +148,7 @@ class StreamNode(LifecycleNode):
 
         """
         with self._creating(topic):
-            subscription = self.create_subscription(
-                message_type, topic, callback=_never_called, **overridable(qos))
-        self._stream_subscriptions.add(subscription)
-        return subscription
+            return self.create_hidden_subscription(message_type, topic, qos)
 
     @contextmanager
     def _creating(self, topic: str) -> Iterator[None]:
@@ -166,25 +163,13 @@ class StreamNode(LifecycleNode):
             hint = f' ({given}; {OVERRIDES})' if given else ''
             raise ValueError(f'{topic} cannot be created: {explain(error)}{hint}') from None
 
-    def destroy_stream_subscription(self, subscription: Subscription) -> None:
-        """Destroy what `create_stream_subscription` has returned."""
-        self._stream_subscriptions.discard(subscription)
-        self.destroy_subscription(subscription)
-
     def destroy_own_endpoints(self) -> None:
         """Destroy what was created beside the streams."""
         for subscription in self._own_subscriptions:
-            self.destroy_stream_subscription(subscription)
+            self.destroy_hidden_subscription(subscription)
         for publisher in self.own_publishers:
             self.destroy_publisher(publisher)
         self._own_subscriptions, self.own_publishers = [], []
-
-    @property
-    def subscriptions(self) -> Iterator[Subscription]:
-        """The subscriptions that an executor shall serve: not those of the streams."""
-        for subscription in super().subscriptions:
-            if subscription not in self._stream_subscriptions:
-                yield subscription
 
     @property
     def services(self) -> Iterator[Service]:
@@ -234,6 +219,3 @@ class _Request:
         finally:
             self.done.set()
 
-
-def _never_called(_message: Any) -> None:
-    """Stand in for the callback that rclpy wants; the stream loop takes the messages itself."""

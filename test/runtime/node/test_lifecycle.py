@@ -73,19 +73,19 @@ def test_a_loop_activated_again_gives_the_same_run_and_shows_it(rig, peer):
     # The controller and this reader; everything else has one.
     process = rig.node(
         'loop', autostart='false', handshake_timeout_s=60.0, periods=2.0, monitor_rate_hz=100.0)
-    stages = ('compensator', 'controller', 'plant', 'trajectory')
-    for stage in stages:
-        assert peer.change_state(stage, 'configure')
+    loop_nodes = ('compensator', 'controller', 'plant', 'trajectory')
+    for node in loop_nodes:
+        assert peer.change_state(node, 'configure')
     peer.wait(
         lambda: peer.node.count_publishers(f'{rig.namespace}/displacement') == 1, 'the plant')
     expected = simulate(
         RigParameters(), HysteresisParameters(), ControllerParameters(), trajectory)
     for run in (1, 2):
-        for stage in stages:
-            assert peer.change_state(stage, 'activate')
-        for stage in stages:
-            status = peer.wait_for_status(stage, state='finished', run=run, result='finished')
-            if stage == 'trajectory':
+        for node in loop_nodes:
+            assert peer.change_state(node, 'activate')
+        for node in loop_nodes:
+            status = peer.wait_for_status(node, state='finished', run=run, result='finished')
+            if node == 'trajectory':
                 assert (status['total'], status['progress']) == (trajectory.samples, 1.0)
         displacement_um = peer.wait_for_samples('displacement', trajectory.samples + 1)
         np.testing.assert_array_equal(displacement_um, expected.displacement_um)
@@ -95,15 +95,15 @@ def test_a_loop_activated_again_gives_the_same_run_and_shows_it(rig, peer):
             peer.wait(
                 lambda values=monitored[stream], last=samples[-1]: values and values[-1] == last,
                 f'the last sample of monitor/{stream}')
-        for stage in stages:
-            assert peer.change_state(stage, 'deactivate')
+        for node in loop_nodes:
+            assert peer.change_state(node, 'deactivate')
         for values in monitored.values():
             values.clear()
         peer.wait(
             lambda: len(peer.received['displacement'][-1].data) == 2, 'the end of the stream')
         peer.received['displacement'].clear()
-    for stage in stages:
-        assert peer.change_state(stage, 'inactive_shutdown')
+    for node in loop_nodes:
+        assert peer.change_state(node, 'inactive_shutdown')
     assert process.wait() == 0
     for word in ('WARN', 'ERROR', 'Traceback'):
         assert word not in process.output

@@ -22,7 +22,7 @@ from piezo_ros.control import ControllerParameters, TrajectoryParameters, simula
 from piezo_ros.model import HysteresisParameters, RigParameters
 
 PERIODS = 18.0
-STAGES = ('compensator', 'controller', 'plant', 'trajectory')
+LOOP_NODES = ('compensator', 'controller', 'plant', 'trajectory')
 NAMES_S = 2.0
 
 
@@ -37,12 +37,12 @@ def test_a_suspended_reader_stops_the_run_until_it_reads_again(rig, peer, tmp_pa
     loop = rig.start_node(
         'loop', '--params-file', str(parameters), '-p', f'periods:={PERIODS}',
         '-p', 'handshake_timeout_s:=60.0', '-p', 'autostart:=false')
-    for stage in STAGES:
-        assert peer.change_state(stage, 'configure')
+    for node in LOOP_NODES:
+        assert peer.change_state(node, 'configure')
     # The name of a node travels beside its endpoints, and a suspended one sends nothing again.
     time.sleep(NAMES_S)
-    for stage in STAGES:
-        assert peer.change_state(stage, 'activate')
+    for node in LOOP_NODES:
+        assert peer.change_state(node, 'activate')
     onlooker.wait_for('100 samples')
     onlooker.send(signal.SIGSTOP)
     warning = f'{rig.namespace}/displacement waits at sample '
@@ -60,6 +60,6 @@ def test_a_suspended_reader_stops_the_run_until_it_reads_again(rig, peer, tmp_pa
         RigParameters(), HysteresisParameters(), ControllerParameters(), trajectory)
     total_um = sum(expected.displacement_um.tolist())
     assert f'{trajectory.samples + 1} samples, sum {total_um!r}\nthe end' in onlooker.output
-    for stage in STAGES:
-        assert peer.change_state(stage, 'active_shutdown')
+    for node in LOOP_NODES:
+        assert peer.change_state(node, 'active_shutdown')
     assert loop.wait() == 0
