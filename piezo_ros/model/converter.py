@@ -75,6 +75,9 @@ def convert_step(constants: ConverterConstants, deviation: float) -> float:
     """
     value = deviation + constants.operating_point
     if constants.resolution > 0.0:
+        # A step beyond the rails is as far as any: the number of steps must fit into an integer.
+        value = max(value, constants.minimum - constants.resolution)
+        value = min(value, constants.maximum + constants.resolution)
         value = math.floor(value / constants.resolution + 0.5) * constants.resolution
     # Last, so that rounding cannot carry it beyond a rail.
     if value < constants.minimum:

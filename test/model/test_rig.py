@@ -211,3 +211,15 @@ def test_the_reach_ends_at_the_nearer_end_of_the_travel(operating_point_um, reac
 
 def test_the_slew_limit_can_be_switched_off():
     assert rig_constants(RigParameters(slew_limit_v_per_s=0.0), PERIOD_S).slew_step_v > 1e6
+
+
+@pytest.mark.parametrize('compiled', [False, True])
+@pytest.mark.parametrize('voltage_v', [1e4, 1e17, 1e19, 1e25, 1e300, 1.7e308])
+def test_any_finite_voltage_is_the_rail_that_it_is_beyond(voltage_v, compiled):
+    """A1: steps of a converter beyond 2^63 are no integers any more; and 1.7e308 + 50 is finite."""
+    beyond, at_the_rail = Rig(compiled=compiled), Rig(compiled=compiled)
+    for sign in (1.0, -1.0, 1.0):
+        rail_v = 5.0 if sign > 0.0 else -7.0
+        assert beyond.step(sign * voltage_v) == at_the_rail.step(rail_v)
+    assert beyond.step(0.0) == at_the_rail.step(0.0)
+    assert beyond.driven_v == at_the_rail.driven_v
