@@ -14,16 +14,16 @@
 
 """A node graph for every run of a plan: its processes are started, watched and ended."""
 
-import signal
 import time
 from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import Any, Final
 
+from piezo_ros.live.node_status import voltage_at_the_end
 from piezo_ros.live.process_group import POLL_S
 from piezo_ros.live.rescue import rescue
 from piezo_ros.live.run_parameters import run_parameters
-from piezo_ros.live.supervisor import Supervisor, stopped_by
+from piezo_ros.live.supervisor import Supervisor, how_it_ended, stopped_by
 from piezo_ros.parameters.errors import CampaignError
 from piezo_ros.parameters.run import PlannedRun, RunResult
 from piezo_ros.runtime.process.running_time import RunningTime
@@ -110,6 +110,8 @@ class GraphPerRun:
             run.stop()
             self._follow(run)
         finally:
+            # Whatever was raised here, the nodes bring the voltage to zero and close the bag.
+            supervisor.processes.stop()
             supervisor.processes.kill()
         return self._result(run, bag, logs)
 
@@ -131,9 +133,7 @@ class GraphPerRun:
         if stop_signal:
             problems.insert(0, stopped_by(stop_signal))
         if problems:
-            voltage_v = run.plant_status.get('voltage_v')
-            if voltage_v is not None:
-                problems.append(f'the voltage deviation is {voltage_v:g} V')
+            problems += voltage_at_the_end(run.plant_status, killed=run.plant_was_killed)
             problems.append(f'logs: {logs}')
             raise CampaignError('; '.join([*problems, *notes]))
         return RunResult(run.wall_seconds, tuple(notes))
@@ -180,6 +180,13 @@ class _LiveRun:
         return self._statuses.get('plant', {})
 
     @property
+    def plant_was_killed(self) -> bool:
+        """Whether the process with the plant came to no end of its own."""
+        return any(
+            self._processes.blamed.get(name, 0) < 0 or name in self._processes.unresponsive
+            for name in ('plant', 'loop'))
+
+    @property
     def share_done(self) -> float:
         """Share of the samples that the plant has answered, 0 … 1."""
         return min(1.0, self.plant_status.get('index', 0) / self._planned.trajectory.samples)
@@ -201,11 +208,17 @@ class _LiveRun:
     def problems(self, *, stopped: bool) -> list[str]:
         """Return what went wrong, the first failure only; the others follow from it."""
         self._processes.dead()
+        unresponsive = [
+            f'{name} did not end when it was asked to, and was killed'
+            for name in self._processes.unresponsive]
+        return [*self._causes(stopped=stopped), *unresponsive]
+
+    def _causes(self, *, stopped: bool) -> list[str]:
         # Told to end one after the other, some see their peers go before they are told themselves.
         faults = self._faults_before_stop if stopped else self._faults()
         for name, code in self._processes.blamed.items():
             if code < 0:
-                return [f'{name} was killed by {signal.Signals(-code).name}']
+                return [f'{name} {how_it_ended(code)}']
         # They were told to end from outside; that others had to fail then may be seen before.
         for node, reason in self._stopped_early.items():
             name = node if node in self._processes else 'loop'

@@ -28,6 +28,7 @@ from typing import Any, Final
 from lifecycle_msgs.msg import Transition
 
 from piezo_ros.live.node_services import NodeServices
+from piezo_ros.live.node_status import voltage_at_the_end
 from piezo_ros.live.rescue import rescue
 from piezo_ros.live.run_parameters import run_parameters
 from piezo_ros.live.supervisor import Supervisor
@@ -92,9 +93,12 @@ class KeptGraph:
             return self._run(planned, bag)
         except CampaignError as error:
             # No run comes after this one: the recorder closes its bag, or it is rescued.
-            self._supervisor.processes.stop()
-            voltage_v = self._supervisor.statuses.get('plant', {}).get('voltage_v')
-            voltage = [] if voltage_v is None else [f'the voltage deviation is {voltage_v:g} V']
+            processes = self._supervisor.processes
+            processes.stop()
+            self._supervisor.take_statuses()
+            processes.dead()
+            killed = processes.blamed.get('loop', 0) < 0 or 'loop' in processes.unresponsive
+            voltage = voltage_at_the_end(self._supervisor.statuses.get('plant', {}), killed=killed)
             raise CampaignError('; '.join([str(error), *voltage, *rescue(bag)])) from None
 
     def _run(self, planned: PlannedRun, bag: Path) -> RunResult:

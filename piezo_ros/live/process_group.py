@@ -41,11 +41,14 @@ class ProcessGroup:
     blamed : dict of str to int
         Executables that ended otherwise than well, and their exit codes, in the order in which
         this was noticed; negative for a signal.
+    unresponsive : list of str
+        Executables that did not end when they were asked to, and were killed by `stop`.
 
     """
 
     def __init__(self) -> None:
         self.blamed: dict[str, int] = {}
+        self.unresponsive: list[str] = []
         self._processes: dict[str, subprocess.Popen[bytes]] = {}
 
     def __contains__(self, name: object) -> bool:
@@ -76,15 +79,17 @@ class ProcessGroup:
         """Return whether a process ended otherwise than well, and remember it."""
         for name, process in self._processes.items():
             code = process.poll()
-            if code:
+            if code and name not in self.unresponsive:
                 self.blamed.setdefault(name, code)
         return bool(self.blamed)
 
     def stop(self) -> None:
         """Ask every process to end, and make sure."""
         for step, grace_s in _GRACE_S:
-            for process in self._processes.values():
+            for name, process in self._processes.items():
                 if process.poll() is None:
+                    if step == signal.SIGKILL:
+                        self.unresponsive.append(name)
                     process.send_signal(step)
             waited = RunningTime()
             while self.going() and waited.elapsed_s() < grace_s:

@@ -19,7 +19,6 @@ Every process is told the process that started it and ends with it, so that noth
 even when this process is killed.
 """
 
-import json
 import math
 import os
 import signal
@@ -33,6 +32,7 @@ from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import String
 
 from piezo_ros.interruption import was_interrupted
+from piezo_ros.live.node_status import BadStatusError, parse_status
 from piezo_ros.live.process_group import POLL_S, ProcessGroup
 from piezo_ros.parameters.errors import CampaignError
 from piezo_ros.runtime.process.leaving import destroy_after_others
@@ -41,7 +41,9 @@ from piezo_ros.runtime.process.running_time import RunningTime
 from piezo_ros.runtime.process.stop_request import StopRequest
 from piezo_ros.runtime.streams.qos import EVERY_STATUS
 
-__all__ = ['Supervisor', 'stopped_by']
+__all__ = ['Supervisor', 'how_it_ended', 'stopped_by']
+
+_WARN_S = 10.0  # a warning of refused statuses at most this often
 
 
 class Supervisor:
@@ -153,8 +155,7 @@ class Supervisor:
                 raise CampaignError(stopped_by(self.stop_signal))
             if self.processes.dead():
                 name, code = next(iter(self.processes.blamed.items()))
-                how = f'was killed by {signal.Signals(-code).name}' if code < 0 else 'failed'
-                raise CampaignError(f'{name} {how}')
+                raise CampaignError(f'{name} {how_it_ended(code)}')
             self.spin_once(POLL_S)
         return True
 
@@ -163,8 +164,18 @@ class Supervisor:
         rclpy.spin_once(self._node, timeout_sec=timeout_s)
 
     def _note(self, message: String) -> None:
-        status = json.loads(message.data)
+        try:
+            status = parse_status(message.data)
+        except BadStatusError as error:
+            self._node.get_logger().warning(
+                f'refused a status: {error}', throttle_duration_sec=_WARN_S)
+            return
         self.statuses[status['node']] = status
+
+
+def how_it_ended(code: int) -> str:
+    """Return what to say of a process that ended with an exit code, negative for a signal."""
+    return f'was killed by {signal.Signals(-code).name}' if code < 0 else 'failed'
 
 
 def stopped_by(number: int) -> str:

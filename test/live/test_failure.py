@@ -15,6 +15,7 @@
 """Whatever dies: the run ends, the voltage lands at 0, the bag is readable, no process is left."""
 
 import os
+import re
 import resource
 import signal
 
@@ -57,6 +58,12 @@ def test_a_node_that_dies_ends_the_run_in_good_order(
     assert f'piezo: {victim} {how}' in command.output
     if victim not in ('plant', 'loop') or number != KILL:
         assert 'the voltage deviation is 0 V' in command.output
+    else:
+        # A4: what it said last is not what it left behind.
+        assert re.search(
+            r'the voltage is unknown: the last that the plant said is \S+ V at sample \d+',
+            command.output)
+        assert 'the voltage deviation' not in command.output
     assert 'Traceback' not in command.output
     assert not rig.nodes()
     for log in (rig.directory / 'out' / 'logs').rglob('*.log'):

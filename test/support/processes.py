@@ -233,9 +233,10 @@ def start_long(rig, write_plan):
 
     Parameters, and what the trajectory sends before it is answered, are 20 kB.
     """
-    def start(processes):
+    def start(processes, watchdog_s=60.0):
         # 100 000 loops, and where they are quick ten million.
-        plan = write_plan('fbff', periods=300 if processes == '--separate' else 30_000)
+        periods = 300 if processes == '--separate' else 30_000
+        plan = write_plan('fbff', periods=periods, watchdog_s=watchdog_s)
         command = rig.piezo('run', plan, '-o', rig.directory / 'out', processes)
         wait_until(
             lambda: command.exit_code is not None or any(
