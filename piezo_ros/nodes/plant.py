@@ -24,8 +24,8 @@ from numpy.typing import NDArray
 from piezo_ros.control.demagnetisation import demagnetising_voltage
 from piezo_ros.model import Rig, RigParameters
 from piezo_ros.nodes.demand import DemandWriter
-from piezo_ros.nodes.pace import Pace
-from piezo_ros.nodes.simulated_clock import SimulatedClock
+from piezo_ros.nodes.plant_parts.pace import Pace
+from piezo_ros.nodes.plant_parts.simulated_clock import SimulatedClock
 from piezo_ros.parameters.node_parameters import (
     BareParameters,
     HistoryParameters,
