@@ -23,9 +23,9 @@ from typing import Any
 from rclpy.parameter import parameter_value_to_python
 from rclpy.parameter_client import AsyncParameterClient
 
-from piezo_ros.runtime.node.guard import guarded
 from piezo_ros.runtime.node.loop_node import LoopNode
 from piezo_ros.runtime.node.parameters import plain
+from piezo_ros.runtime.node.rclpy_node.guard import guarded
 
 __all__ = ['PeerParameters']
 

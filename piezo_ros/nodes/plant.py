@@ -34,7 +34,7 @@ from piezo_ros.parameters.node_parameters import (
 )
 from piezo_ros.runtime.node.answering import AnsweringNode
 from piezo_ros.runtime.node.parameters import read
-from piezo_ros.runtime.node.stream_node import ServiceRefusedError
+from piezo_ros.runtime.node.rclpy_node.stream_node import ServiceRefusedError
 from piezo_ros.runtime.process.running_time import RunningTime
 from piezo_ros.runtime.streams.bursts import publish_blocks
 from piezo_ros.runtime.streams.endpoints import StreamFault, StreamReader

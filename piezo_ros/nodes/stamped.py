@@ -31,10 +31,10 @@ from std_msgs.msg import Float64MultiArray
 
 from piezo_ros.bag import STREAMS
 from piezo_ros.parameters.node_parameters import StampedParameters
-from piezo_ros.runtime.node.guard import explain, guard_services
-from piezo_ros.runtime.node.hidden_subscriptions import NodeWithHiddenSubscriptions
 from piezo_ros.runtime.node.observation import newest_topic
 from piezo_ros.runtime.node.parameters import declare, read
+from piezo_ros.runtime.node.rclpy_node.guard import explain, guard_services
+from piezo_ros.runtime.node.rclpy_node.hidden_subscriptions import NodeWithHiddenSubscriptions
 from piezo_ros.runtime.node.steady_timer import SteadyTimer
 from piezo_ros.runtime.process.distribution import make_events_executor, name_of_distribution
 from piezo_ros.runtime.process.leaving import exit_after

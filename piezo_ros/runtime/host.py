@@ -32,6 +32,7 @@ from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.signals import SignalHandlerOptions
 
+from piezo_ros.runtime.node.handshake import await_acknowledgements
 from piezo_ros.runtime.node.loop_node import LoopNode
 from piezo_ros.runtime.process.distribution import make_events_executor
 from piezo_ros.runtime.process.leaving import exit_after
@@ -199,7 +200,7 @@ def _say_farewell(nodes: Sequence[LoopNode], stop: StopRequest, *, failed: bool)
         return waited.elapsed_s() < (_ACKNOWLEDGE_IN_HASTE_S if in_haste else _ACKNOWLEDGE_S)
 
     for node in nodes:
-        node.await_acknowledgements(has_time)
+        await_acknowledgements(node.publishers_of_run, has_time)
 
 
 def _end(node: LoopNode, stop: StopRequest) -> None:

@@ -26,9 +26,9 @@ from piezo_ros.parameters.node_parameters import (
     parameter_names,
 )
 from piezo_ros.parameters.role_parameters import parameter_files, role_parameters
-from piezo_ros.runtime.node.guard import guarded
 from piezo_ros.runtime.node.hooks import NodeHooks
 from piezo_ros.runtime.node.parameters import declare, names_by_change, plain, read
+from piezo_ros.runtime.node.rclpy_node.guard import guarded
 
 __all__ = ['ParameterChanges']
 
