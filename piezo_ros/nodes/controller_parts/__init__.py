@@ -12,4 +12,4 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Thin rclpy nodes around the model: parameters and topics in, parameters and topics out."""
+"""The parts of the controller node, one subject each."""
