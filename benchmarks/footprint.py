@@ -75,10 +75,10 @@ class _Graph:
         self._supervisor = supervisor
         self._directory = directory
         self.processes = supervisor.processes
-        self.names = ('loop',) if composed else planned.stages
+        self.names = ('loop',) if composed else planned.nodes
         self._arguments = supervisor.write_parameters(directory / 'parameters.yaml', run_parameters(
             planned, directory / 'bag', record=False, autostart=True,
-            compiled=planned.stages if composed else ()))
+            compiled=planned.nodes if composed else ()))
 
     def start(self, *names: str) -> None:
         """Start the processes of some executables."""
@@ -122,7 +122,7 @@ def footprint(planned: PlannedRun) -> Footprint:
     with _graph(planned) as graph:
         start = time.perf_counter()
         graph.start(*graph.names)
-        graph.wait(lambda: graph.up(*planned.stages), 'the nodes to be active')
+        graph.wait(lambda: graph.up(*planned.nodes), 'the nodes to be active')
         start_s = time.perf_counter() - start
         graph.wait(
             lambda: all(state == 'finished' for state in graph.states.values()), 'the end')
@@ -174,7 +174,7 @@ def service_latency_ms(planned: PlannedRun, *, composed: bool) -> tuple[float, f
     """
     with _graph(planned, composed=composed) as graph:
         graph.start(*graph.names)
-        graph.wait(lambda: graph.up(*planned.stages), 'the nodes to be active')
+        graph.wait(lambda: graph.up(*planned.nodes), 'the nodes to be active')
         seconds = graph.latency_s('controller', _CALLS)
         if graph.states['controller'] != 'active':
             raise CampaignError('the run ended before the calls did')

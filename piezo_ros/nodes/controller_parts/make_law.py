@@ -17,13 +17,13 @@
 from piezo_ros.control.control_law import ControlLaw
 from piezo_ros.control.controller import ControllerParameters
 from piezo_ros.control.pi_controller import PiController
-from piezo_ros.parameters.node_parameters import StageParameters
+from piezo_ros.parameters.node_parameters import LoopNodeParameters
 
 __all__ = ['make_law']
 
 
 def make_law(
-    own_law: type[ControlLaw] | None, parameters: ControllerParameters, settings: StageParameters,
+    own_law: type[ControlLaw] | None, parameters: ControllerParameters, settings: LoopNodeParameters,
 ) -> ControlLaw:
     """Return the user's own law if there is one, else the PI controller, in its initial state."""
     if own_law:

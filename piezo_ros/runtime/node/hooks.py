@@ -19,7 +19,7 @@ import os
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from piezo_ros.parameters.node_parameters import StageParameters
+from piezo_ros.parameters.node_parameters import LoopNodeParameters
 from piezo_ros.runtime.node.rclpy_node.stream_node import StreamNode
 from piezo_ros.runtime.streams.endpoints import StreamReader, StreamWriter
 
@@ -88,7 +88,7 @@ class NodeHooks(StreamNode):
     # The diagnostics warn where these counts grow.
     troubles: tuple[str, ...] = ('refused_messages', 'gaps')
 
-    settings: StageParameters  # there once the node is configured
+    settings: LoopNodeParameters  # there once the node is configured
 
     def __init__(self, role: str) -> None:
         super().__init__(role)

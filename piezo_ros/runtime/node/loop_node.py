@@ -25,7 +25,7 @@ from contextlib import contextmanager
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from rclpy.publisher import Publisher
 
-from piezo_ros.parameters.node_parameters import StageParameters
+from piezo_ros.parameters.node_parameters import LoopNodeParameters
 from piezo_ros.runtime.node.changes import ParameterChanges
 from piezo_ros.runtime.node.handshake import await_acknowledgements, await_peers
 from piezo_ros.runtime.node.hooks import NodeHooks
@@ -147,7 +147,7 @@ class LoopNode(NodeHooks):
         with self._interruptible():
             self.configure()
 
-    def _take_changes(self, settings: StageParameters) -> None:
+    def _take_changes(self, settings: LoopNodeParameters) -> None:
         self.settings = settings
         self.parameters_changed()
         self._monitor.use_rate(settings.monitor_rate_hz)

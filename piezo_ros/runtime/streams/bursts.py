@@ -16,7 +16,7 @@
 Blocks that wait are dealt with together: one calculation, and no more messages than needed.
 
 Where the boundaries of blocks are carries no meaning, and a message costs the same, however many
-samples it has: those that have piled up before a stage that is behind go on as one.
+samples it has: those that have piled up before a node that is behind go on as one.
 """
 
 from collections.abc import Callable, Sequence
