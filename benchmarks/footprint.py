@@ -86,7 +86,7 @@ class _Graph:
             self.processes.start(name, self._arguments, self._directory / f'{name}.log')
 
     def wait(self, condition: Callable[[], bool], what: str) -> None:
-        """Take in the status of the nodes until a condition holds."""
+        """Take in the status of the nodes until a condition is met."""
         if not self._supervisor.spin_until(condition, timeout_s=_TIMEOUT_S):
             raise CampaignError(f'waited {_TIMEOUT_S:g} s for {what}')
 

@@ -51,7 +51,7 @@ def run_parameters(
         Nodes that compute in compiled code, beside those of which the plan says so.
     file : Path, optional
         Where the parameters will be written: the recorder takes from there what a node that is
-        held up to the end does not tell.
+        delayed up to the end does not tell.
 
     Returns
     -------

@@ -69,7 +69,7 @@ class Controller(LoopNode):
         return super().on_cleanup(state)
 
     def status_fields(self) -> dict[str, Any]:
-        """Return the scheme that is in use, and the sample from which it and the gains hold."""
+        """Return the scheme that is in use, and the sample from which it and the gains apply."""
         changed_at = self._schedule.changed_at
         return {
             'scheme': self._schedule.law.scheme,
@@ -135,7 +135,7 @@ class Controller(LoopNode):
         return progress
 
     def _change_law(self) -> None:
-        """Go over to the gains and the scheme that hold from the next sample on."""
+        """Go over to the gains and the scheme that apply from the next sample on."""
         self._schedule.apply()
         parameters = self._schedule.law
         self._law.change(parameters, bumpless=self._paired.index > 0)
@@ -195,6 +195,6 @@ class Controller(LoopNode):
         self._demand.end()
 
     def parameters_changed(self) -> None:
-        """Forget the sample of a change; it holds for one call alone."""
+        """Forget the sample of a change; it applies to one call alone."""
         if self.get_parameter('apply_at_sample').value != -1:
             self.set_parameters([Parameter('apply_at_sample', value=-1)])

@@ -47,7 +47,7 @@ __all__ = ['host']
 _HOUSEKEEPING_S = 0.05
 _SPIN_S = 0.5  # between two looks whether the process ends
 _SHORT_SLEEP_S = 0.001
-# How long the readers have for the last messages: one may be held up, or dead, which becomes
+# How long the readers have for the last messages: one may be delayed, or dead, which becomes
 # known of a killed process only after 20 s. A launch file gives a process 5 s to end after Ctrl-C.
 _ACKNOWLEDGE_S = 20.0
 _ACKNOWLEDGE_IN_HASTE_S = 4.0
@@ -189,7 +189,7 @@ def _run(nodes: Sequence[LoopNode], stop: StopRequest, wake: threading.Event) ->
 
 
 def _say_farewell(nodes: Sequence[LoopNode], stop: StopRequest, *, failed: bool) -> None:
-    """Wait until the readers have the last messages, of which one may be dead or held up."""
+    """Wait until the readers have the last messages, of which one may be dead or delayed."""
     waited = RunningTime()
     if PARENT_VARIABLE in os.environ:
         for node in nodes:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Which gains and scheme hold from which sample on, while a controller runs."""
+"""Which gains and scheme apply from which sample on, while a controller runs."""
 
 import sys
 from collections.abc import Mapping, Sequence
@@ -40,14 +40,14 @@ class LawSchedule:
     Parameters
     ----------
     law : ControllerParameters
-        What holds at the start.
+        What applies at the start.
     changes : sequence of Change
         What is listed for every run, in the order of the samples.
 
     Attributes
     ----------
     law : ControllerParameters
-        What holds now.
+        What applies now.
     change_at : int
         Index of the next change, `NEVER` for none.
     changed_at : int or None
@@ -133,8 +133,8 @@ class LawSchedule:
         Raises
         ------
         ParameterError
-            If it does not go together with the law that holds then, or a later change not with it;
-            nothing is added.
+            If it does not go together with the law that applies then, or a later change not with
+            it; nothing is added.
 
         """
         merged: dict[int, dict[str, Any]] = {

@@ -23,7 +23,8 @@ __all__ = ['make_law']
 
 
 def make_law(
-    own_law: type[ControlLaw] | None, parameters: ControllerParameters, settings: LoopNodeParameters,
+    own_law: type[ControlLaw] | None, parameters: ControllerParameters,
+    settings: LoopNodeParameters,
 ) -> ControlLaw:
     """Return the user's own law if there is one, else the PI controller, in its initial state."""
     if own_law:

@@ -67,7 +67,7 @@ class PeerParameters:
 
     @property
     def owing(self) -> list[str]:
-        """The nodes that could answer and have not: they are held up."""
+        """The nodes that could answer and have not: they are delayed."""
         return [
             name for name in self.silent
             if name in self._clients and self._clients[name].services_are_ready()]

@@ -50,7 +50,7 @@ class TransitionServer:
     service : Service
         What is served here.
     lock : threading.Lock
-        Held during a transition; code that leads the node through one takes it.
+        Taken during a transition; code that leads the node through one takes it.
 
     """
 
