@@ -27,7 +27,7 @@ __all__ = ['bench_figure']
 
 _BAR_IN: Final = 0.22
 _GROUP_TITLES: Final = {
-    'composed': 'One process', 'separate': 'A process for each stage',
+    'composed': 'One process', 'separate': 'A process for each node',
     'blocks': 'Blocks without feedback', 'kernels': 'Kernels', 'bag': 'Bags', 'fits': 'Fits',
     'footprint': 'Footprint', 'services': 'Services', 'sweep': 'Sweep'}
 

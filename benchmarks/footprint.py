@@ -75,10 +75,10 @@ class _Graph:
         self._supervisor = supervisor
         self._directory = directory
         self.processes = supervisor.processes
-        self.names = ('loop',) if composed else planned.stages
+        self.names = ('loop',) if composed else planned.nodes
         self._arguments = supervisor.write_parameters(directory / 'parameters.yaml', run_parameters(
             planned, directory / 'bag', record=False, autostart=True,
-            compiled=planned.stages if composed else ()))
+            compiled=planned.nodes if composed else ()))
 
     def start(self, *names: str) -> None:
         """Start the processes of some executables."""
@@ -86,7 +86,7 @@ class _Graph:
             self.processes.start(name, self._arguments, self._directory / f'{name}.log')
 
     def wait(self, condition: Callable[[], bool], what: str) -> None:
-        """Take in the status of the nodes until a condition holds."""
+        """Take in the status of the nodes until a condition is met."""
         if not self._supervisor.spin_until(condition, timeout_s=_TIMEOUT_S):
             raise CampaignError(f'waited {_TIMEOUT_S:g} s for {what}')
 
@@ -122,7 +122,7 @@ def footprint(planned: PlannedRun) -> Footprint:
     with _graph(planned) as graph:
         start = time.perf_counter()
         graph.start(*graph.names)
-        graph.wait(lambda: graph.up(*planned.stages), 'the nodes to be active')
+        graph.wait(lambda: graph.up(*planned.nodes), 'the nodes to be active')
         start_s = time.perf_counter() - start
         graph.wait(
             lambda: all(state == 'finished' for state in graph.states.values()), 'the end')
@@ -174,7 +174,7 @@ def service_latency_ms(planned: PlannedRun, *, composed: bool) -> tuple[float, f
     """
     with _graph(planned, composed=composed) as graph:
         graph.start(*graph.names)
-        graph.wait(lambda: graph.up(*planned.stages), 'the nodes to be active')
+        graph.wait(lambda: graph.up(*planned.nodes), 'the nodes to be active')
         seconds = graph.latency_s('controller', _CALLS)
         if graph.states['controller'] != 'active':
             raise CampaignError('the run ended before the calls did')

@@ -29,7 +29,7 @@ from piezo_ros.model.parameters import CHANGES, Constraint, constraint_of
 from piezo_ros.parameters.node_parameters import (
     NODE_PARAMETERS,
     ONLOOKER_PARAMETERS,
-    StageParameters,
+    LoopNodeParameters,
 )
 
 __all__ = ['PAGES', 'launch_page', 'parameter_page']
@@ -52,9 +52,9 @@ def parameter_page() -> str:
         *(f'* {_CHANGE_WORDS[change]}: {text}' for change, text in CHANGES.items()), '',
         'Beside these every node has the standard `qos_overrides.<topic>.<publisher or',
         'subscription>.<policy>` of its topics, which are read-only, and `use_sim_time`.', '',
-        '## Every node', '', *_parameter_table([StageParameters])]
+        '## Every node', '', *_parameter_table([LoopNodeParameters])]
     for node, sets in NODE_PARAMETERS.items():
-        own = [parameter_set for parameter_set in sets if parameter_set is not StageParameters]
+        own = [parameter_set for parameter_set in sets if parameter_set is not LoopNodeParameters]
         lines += ['', f'## {node}', '', *_parameter_table(own)]
     for node, sets in ONLOOKER_PARAMETERS.items():
         lines += [

@@ -27,7 +27,7 @@ from piezo_ros.bag import STREAMS, BagWriter
 LAYOUTS = Path(__file__).parents[1] / 'config' / 'layouts'
 PLOTJUGGLER = sorted(LAYOUTS.glob('plotjuggler_*.xml'))
 OTHER_TOPICS = {'/status', '/diagnostics'}
-# That stages have these is tested by test/nodes/test_topics.py.
+# That nodes have these is tested by test/nodes/test_topics.py.
 TOPICS = {f'/{stream}' for stream in STREAMS} | {
     f'/monitor/{stream}' for stream in STREAMS} | OTHER_TOPICS
 

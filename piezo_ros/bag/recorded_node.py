@@ -82,7 +82,7 @@ def recorded_parameters(run: Run, role: str, parameter_set: type[_Set]) -> _Set:
     Raises
     ------
     BagError
-        If the bag does not hold the parameters of the node, or tells of several.
+        If the bag does not contain the parameters of the node, or tells of several.
 
     """
     values = recorded_node(run, role, anywhere=True)

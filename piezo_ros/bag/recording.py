@@ -58,8 +58,8 @@ class Recording:
     """
     A run in a bag that is read in parts.
 
-    The memory holds the part, a few chunks of the file, and a hundred bytes for each chunk, however
-    long the run is.
+    The memory contains the part, a few chunks of the file, and a hundred bytes for each chunk,
+    however long the run is.
 
     Attributes
     ----------
@@ -188,7 +188,7 @@ class Recording:
             yield self.part(start, min(start + samples, self.samples))
 
     def _read(self, sinks: Mapping[str, Collected], kept: range) -> None:
-        """Hand samples to the sinks, from those pieces of the files that hold them."""
+        """Hand samples to the sinks, from those pieces of the files that contain them."""
         assemblers = {
             self.facts.stream_topics[stream]: StreamAssembler(
                 stream, sink, keep_not_finite=self._keep_not_finite)
@@ -213,7 +213,7 @@ class Recording:
     @staticmethod
     def _needed(span: Span, topics: Collection[str], kept: range) -> frozenset[str]:
         """
-        Return the topics of which a piece holds wanted samples.
+        Return the topics of which a piece contains wanted samples.
 
         The samples of a topic are contiguous over these pieces, as `StreamAssembler` needs it.
         """

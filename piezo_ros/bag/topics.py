@@ -65,7 +65,7 @@ def array_topic(schemas: Mapping[int, Schema], channel: Channel | None) -> str |
 
 def check_topics(topics: Mapping[str, str], namespace: str | None) -> None:
     """
-    Refuse topics and namespaces that a bag cannot hold.
+    Refuse topics and namespaces that a bag cannot contain.
 
     Raises
     ------

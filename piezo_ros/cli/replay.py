@@ -72,7 +72,7 @@ def _replay(options: argparse.Namespace) -> int:
         return 1
     if result.same_samples and not result.is_faithful:
         print(
-            'piezo: warning: the stages of the bag do not give the recorded run again: '
+            'piezo: warning: the nodes of the bag do not give the recorded run again: '
             f'{dict(result.same_samples)} samples are the same', file=sys.stderr)
     for loss in run.lost:
         print(f'piezo: {run.path}: {loss}', file=sys.stderr)

@@ -45,7 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     processes.add_argument(
         '--separate', action='store_true', help='one process for every node (default)')
     processes.add_argument(
-        '--composed', action='store_true', help='the four stages in one process')
+        '--composed', action='store_true', help='the four nodes in one process')
     processes.add_argument(
         '--keep', action='store_true',
         help='composed, and the processes stay for all runs: for plans of many short ones')

@@ -258,7 +258,7 @@ class Probe:
                 self.demanded = message.data
 
     def wait(self, condition: Callable[[], bool], timeout_s: float) -> bool:
-        """Take what arrives until a condition holds; return whether it came to hold."""
+        """Take what arrives until a condition is met; return whether it was."""
         def polled() -> bool:
             self.poll()
             return condition()

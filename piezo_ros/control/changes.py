@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Changes of gains and scheme during a run, listed by the sample from which they hold.
+Changes of gains and scheme during a run, listed by the sample from which they apply.
 
 What is listed is part of the run: live and offline it gives the same bits. A change is bumpless:
 with feedback the integral is preset so that the command goes on from its last value. A scheme
@@ -51,7 +51,7 @@ _AT = 'at_sample'
 
 @dataclass(frozen=True, kw_only=True)
 class ChangeParameters(ParameterSet):
-    """Which gains and which scheme hold from which sample on."""
+    """Which gains and which scheme apply from which sample on."""
 
     changes: str = parameter(
         '', '', 'changes during every run, a JSON list such as [{"at_sample": 5000, "scheme": '
@@ -175,7 +175,7 @@ def segments(
     Parameters
     ----------
     law : ControllerParameters
-        What holds at the start.
+        What applies at the start.
     changes : sequence of Change
         In the order of their samples; those after the run are left out.
     samples : int

@@ -34,7 +34,7 @@ from piezo_ros.control.pi_controller import PiController
 from piezo_ros.control.trajectory import TrajectoryParameters
 from piezo_ros.control.trajectory_blocks import trajectory_blocks
 from piezo_ros.model.hysteresis import HysteresisParameters
-from piezo_ros.model.inverse_hysteresis import InverseHysteresis
+from piezo_ros.model.hysteresis_and_inverse import InverseHysteresis
 from piezo_ros.model.noise import unit_noise
 from piezo_ros.model.rig import RigParameters
 from piezo_ros.model.simulated_rig import Rig

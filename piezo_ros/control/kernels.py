@@ -84,7 +84,7 @@ def closed_loop(
     controller_memory: NDArray[np.float64], inverse_memory: NDArray[np.float64],
     rig_memory: NDArray[np.float64], noise: NDArray[np.float64], run: Any, start: int, stop: int,
 ) -> None:
-    """Close the loop from one sample to another, over what the arrays of a run hold before it."""
+    """Close the loop from one sample to another, over what a run has before it in its arrays."""
     state, constants = _unpacked_rig(rig_memory, None)
     _close_loop(controller_memory, inverse_memory, state, constants, noise, run, start, stop)
 

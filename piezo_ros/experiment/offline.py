@@ -95,7 +95,7 @@ def write_run(
 
     """
     period_s = planned.trajectory.sample_period_s
-    parameters = {node: planned.parameters[node] for node in planned.stages}
+    parameters = {node: planned.parameters[node] for node in planned.nodes}
     topics = {stream: f'/{stream}' for stream in streams}
     with BagWriter(bag, topics=topics, metadata=run_metadata(parameters)) as writer:
         writer.attach_parameters(parameters_yaml('/', parameters))

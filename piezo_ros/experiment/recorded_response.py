@@ -64,12 +64,12 @@ def recorded_response(
     -------
     FrequencyResponse
         Micrometres per micrometre (or per volt); points where the amplifier slews or saturates, or
-        that the record does not hold as a whole, are left out and listed.
+        that the record does not contain as a whole, are left out and listed.
 
     Raises
     ------
     BagError
-        If the bag lacks a stream or the parameters of the trajectory, or holds no whole point.
+        If the bag lacks a stream or the parameters of the trajectory, or contains no whole point.
     ParameterError
         If the trajectory was no excitation.
     ValueError

@@ -102,7 +102,7 @@ def replay(
         The recorded run, from its first sample on.
     controller : ControllerParameters or mapping, optional
         Other gains; those of the bag by default. A mapping replaces the parameters it names and
-        leaves the others as recorded, as a file of tuned gains means it. What is given holds for
+        leaves the others as recorded, as a file of tuned gains means it. What is given applies to
         the whole run: changes that the bag lists leave it alone.
     compensator : HysteresisParameters or mapping, optional
         Another hysteresis to invert.

@@ -99,7 +99,7 @@ class GraphPerRun:
         supervisor.begin_graph()
         run = _LiveRun(supervisor, planned)
         arguments = self._write_parameters(planned, bag)
-        nodes = ['loop'] if self._composed and not planned.bare else planned.stages
+        nodes = ['loop'] if self._composed and not planned.bare else planned.nodes
         try:
             for name in [*(['recorder'] if self._record else []), *nodes]:
                 supervisor.processes.start(name, arguments, logs / f'{name}.log')
@@ -120,7 +120,7 @@ class GraphPerRun:
         path = self._directory / 'parameters' / f'{planned.name}.yaml'
         return self._supervisor.write_parameters(path, run_parameters(
             planned, bag, record=self._record, autostart=True,
-            compiled=planned.stages if self._composed else _worth_compiling(planned), file=path))
+            compiled=planned.nodes if self._composed else _worth_compiling(planned), file=path))
 
     def _follow(self, run: '_LiveRun') -> None:
         self._supervisor.take_statuses()
@@ -143,9 +143,9 @@ def _worth_compiling(planned: PlannedRun) -> Collection[str]:
     """Return the nodes, each a process, for which compiled steps make up for their start."""
     samples = planned.trajectory.samples
     if planned.bare or not planned.controller.uses_feedback:
-        return planned.stages if samples > _WORTH_COMPILING_BLOCKS else ()
+        return planned.nodes if samples > _WORTH_COMPILING_BLOCKS else ()
     if samples > _WORTH_COMPILING_LOOP:
-        return planned.stages
+        return planned.nodes
     return ('plant',) if samples > _WORTH_COMPILING_PLANT else ()
 
 
@@ -165,7 +165,7 @@ class _LiveRun:
         recorded = 'recorder' in self._processes
         if recorded and self._processes.runs('recorder'):
             return False
-        states = [self._statuses.get(node, {}).get('state') for node in self._planned.stages]
+        states = [self._statuses.get(node, {}).get('state') for node in self._planned.nodes]
         if all(state in ('finished', 'faulted', 'stopped') for state in states):
             return True
         if not recorded:

@@ -103,7 +103,7 @@ class KeptGraph:
 
     def _run(self, planned: PlannedRun, bag: Path) -> RunResult:
         sections = run_parameters(
-            planned, bag, record=True, autostart=False, compiled=planned.stages)
+            planned, bag, record=True, autostart=False, compiled=planned.nodes)
         nodes = tuple(sections)
         wanted = {node: _parameters_of_topics(node, values) for node, values in sections.items()}
         if wanted != self._configured:

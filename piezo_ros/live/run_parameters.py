@@ -51,7 +51,7 @@ def run_parameters(
         Nodes that compute in compiled code, beside those of which the plan says so.
     file : Path, optional
         Where the parameters will be written: the recorder takes from there what a node that is
-        held up to the end does not tell.
+        delayed up to the end does not tell.
 
     Returns
     -------
@@ -66,7 +66,7 @@ def run_parameters(
         'required_readers': 2 if record else 1,
         'recorded_block_samples': _RECORDED_BLOCK_SAMPLES if copies else 0,
         'linger_s': -1.0}
-    sections = {node: {**planned.parameters[node], **common} for node in planned.stages}
+    sections = {node: {**planned.parameters[node], **common} for node in planned.nodes}
     for node in compiled:
         sections[node]['compiled'] = True
     for values in sections.values():

@@ -132,7 +132,7 @@ class Supervisor:
         self, condition: Callable[[], bool], *, timeout_s: float = math.inf,
     ) -> bool:
         """
-        Take in statuses and answers until a condition holds; return whether it does.
+        Take in statuses and answers until a condition is met; return whether it is.
 
         Parameters
         ----------

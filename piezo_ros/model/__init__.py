@@ -16,8 +16,7 @@
 
 from piezo_ros.model.dynamics import DynamicsParameters, LinearDynamics
 from piezo_ros.model.hysteresis import HysteresisParameters
-from piezo_ros.model.inverse_hysteresis import InverseHysteresis
-from piezo_ros.model.mrc_operator import MaxwellResistiveCapacitor
+from piezo_ros.model.hysteresis_and_inverse import InverseHysteresis, MaxwellResistiveCapacitor
 from piezo_ros.model.parameters import ParameterError, ParameterSet
 from piezo_ros.model.rig import RigParameters
 from piezo_ros.model.simulated_rig import Rig

@@ -29,9 +29,9 @@ A saturated element drags its play along (r_i = x -/+ w_i), every other one leav
 is accumulated, so that rounding errors do not build up, however long the input.
 
 As long as the same elements are dragged, the voltage is a straight line, u = K x - H. The steps
-keep this line and the range in which it holds behind the plays: until the input turns or one more
-element saturates, a sample costs one multiplication or division. The line is a shortcut only: to
-the last bit, the result of a step is a function of plays and input alone.
+keep this line and the range in which it is valid behind the plays: until the input turns or one
+more element saturates, a sample costs one multiplication or division. The line is a shortcut only:
+to the last bit, the result of a step is a function of plays and input alone.
 """
 
 import math
@@ -90,8 +90,8 @@ class HysteresisConstants(NamedTuple):
     rounding: float  # bound of what n + 1 additions lose, relative
 
 
-# The state of the operator: n plays and, behind them, the line that holds at present.
-_LOW, _HIGH = 0, 1  # it holds for displacements between these two, micrometres
+# The state of the operator: n plays and, behind them, the line that is valid at present.
+_LOW, _HIGH = 0, 1  # it is valid for displacements between these two, micrometres
 _HELD_V = 2  # H
 _STIFFNESS = 3  # K, V/um
 _DRAG = 4  # where the dragged plays go: 1 up, -1 down, 0 for none
@@ -125,7 +125,7 @@ def hysteresis_state(plays_um: Sequence[float]) -> list[float]:
     Returns
     -------
     list of float, shape (n + 7,)
-        The plays, and behind them a line that holds nowhere.
+        The plays, and behind them a line that is valid nowhere.
 
     """
     return [*plays_um, math.inf, -math.inf, 0.0, 1.0, 0.0, 0.0, 0.0]

@@ -177,7 +177,7 @@ class RigState(NamedTuple):
     # (4,) voltage behind the slew limit; samples so far beyond a rail; slewing; voltage asked for
     drive_v: Vector
     amplifier: Vector  # (n,)
-    hysteresis: Vector  # (n + 7,) plays, and the line that holds
+    hysteresis: Vector  # (n + 7,) plays, and the line that is valid
     mechanics: Vector  # (n,)
     displacement_um: Vector  # (1,) true displacement
     relaxed_um: Vector  # (r,) of the creep

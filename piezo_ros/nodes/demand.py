@@ -18,11 +18,13 @@ The demand: how far the trajectory may send, published by the node that consumes
 It only grows during a run. A zero says that nothing more is wanted.
 """
 
+from collections.abc import Iterable
+
 from std_msgs.msg import UInt64
 
 from piezo_ros.runtime.node.loop_node import LoopNode
 from piezo_ros.runtime.process.running_time import RunningTime
-from piezo_ros.runtime.streams.endpoints import StreamFault
+from piezo_ros.runtime.streams.endpoints import StreamFault, StreamReader
 from piezo_ros.runtime.streams.qos import LATCHED
 
 __all__ = ['NO_MORE', 'DemandReader', 'DemandWriter']
@@ -57,6 +59,23 @@ class DemandWriter:
         if consumed >= self._renew_at:
             self._renew_at = consumed + (self._lookahead + 1) // 2
             self._publisher.publish(UInt64(data=consumed + self._lookahead))
+
+    def check_kept(self, readers: Iterable[StreamReader], max_buffer_samples: int) -> None:
+        """
+        Check that no source ignores the demand and sends far too much.
+
+        Raises
+        ------
+        StreamFault
+            If more samples wait than are allowed.
+
+        """
+        for reader in readers:
+            waiting = len(reader.queue)
+            if waiting > max_buffer_samples:
+                raise StreamFault(
+                    f'{waiting} samples of {reader.subscription.topic_name} wait, allowed are '
+                    f'{max_buffer_samples}')
 
     def end(self) -> None:
         """Ask for nothing more."""

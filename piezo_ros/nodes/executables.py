@@ -143,7 +143,7 @@ def stamped() -> int:
     code = answer_usage(['stamped'], sys.argv)
     if code is not None:
         return code
-    from piezo_ros.nodes.stamped import main
+    from piezo_ros.nodes.stamped_process import main
 
     return main()
 

@@ -15,18 +15,15 @@
 """The recorder: every block of every stream into a bag, with the parameters of all nodes."""
 
 import time
-from pathlib import Path
 from typing import Any
 
 from rclpy.parameter_client import AsyncParameterClient
 
 from piezo_ros.bag import BagError, BagWriter
-from piezo_ros.model.parameters import ParameterError
-from piezo_ros.nodes.peer_parameters import PeerParameters
-from piezo_ros.parameters.node_parameters import LOOP_NODES, RecorderParameters
-from piezo_ros.parameters.parameter_file import parameters_yaml, read_parameter_file
-from piezo_ros.parameters.provenance import run_metadata
-from piezo_ros.parameters.roles import parameters_by_role
+from piezo_ros.nodes.recorder_parts.bag_directories import BagDirectories
+from piezo_ros.nodes.recorder_parts.peer_parameters import PeerParameters
+from piezo_ros.nodes.recorder_parts.run_description import RunDescription
+from piezo_ros.parameters.node_parameters import RecorderParameters
 from piezo_ros.runtime.node.loop_node import LoopNode
 from piezo_ros.runtime.node.parameters import read
 from piezo_ros.runtime.process.running_time import RunningTime
@@ -49,7 +46,7 @@ class Recorder(LoopNode):
 
     def __init__(self, *, compiled: bool = False) -> None:
         self._bag: BagWriter | None = None
-        self._written: set[Path] = set()
+        self._directories = BagDirectories()
         self._parameter_clients: dict[str, AsyncParameterClient] = {}
         super().__init__('recorder', compiled=compiled)
 
@@ -57,18 +54,7 @@ class Recorder(LoopNode):
         """Decide where to record; a directory that exists is refused now, not later."""
         self._recording = read(self, RecorderParameters)
         self.inputs = self._recording.stream_names
-        self._choose_directory()
-
-    def _choose_directory(self) -> None:
-        """Choose where the next run goes; the later ones of one recorder are numbered."""
-        given = self._recording.bag_directory
-        first = Path(given or time.strftime('piezo_%Y_%m_%d-%H_%M_%S')).absolute()
-        number = 1
-        while (directory := _numbered(first, number)).exists():
-            if given and directory not in self._written:
-                raise ParameterError(f'bag_directory {directory} exists; it is not overwritten')
-            number += 1
-        self._directory = directory
+        self._directory = self._directories.next(self._recording.bag_directory)
 
     def input_topic(self, stream: str) -> str:
         """Return the topic of a stream, or of its copy."""
@@ -76,12 +62,14 @@ class Recorder(LoopNode):
 
     def start(self) -> None:
         """Ask the other nodes for their parameters; the bag begins with them."""
-        self._choose_directory()  # every run has a bag of its own
+        self._directory = self._directories.next(self._recording.bag_directory)
         self._waited = RunningTime()
         self._waited_at_end: RunningTime | None = None
         self._next_flush_s = time.monotonic() + self._recording.flush_period_s
         self._pending: list[tuple[str, bytes]] = []
         self._peers = PeerParameters(self, self._parameter_client)
+        self._description = RunDescription(
+            self.get_namespace(), self._recording.parameters_file, self._peers)
         self._is_described = False
 
     def _parameter_client(self, name: str) -> AsyncParameterClient:
@@ -121,22 +109,8 @@ class Recorder(LoopNode):
     def _describe(self) -> None:
         """Add to the bag what nodes have told of themselves only after it was begun."""
         if self._bag is not None and not self._is_described and self._peers.complete():
-            self._bag.describe(*self._description())
+            self._bag.describe(*self._description.contents())
             self._is_described = True
-
-    def _description(self) -> tuple[dict[str, str], str]:
-        """Return the metadata of the run and the parameters of all nodes, as far as known."""
-        parameters = {**self._written_parameters(), **self._peers.parameters}
-        metadata = run_metadata(parameters_by_role(parameters))
-        return metadata, parameters_yaml(self.get_namespace(), parameters)
-
-    def _written_parameters(self) -> dict[str, dict[str, Any]]:
-        """Return what a file says of the nodes, by full name."""
-        if not self._recording.parameters_file:
-            return {}
-        prefix = self.get_namespace().rstrip('/')
-        sections = read_parameter_file(Path(self._recording.parameters_file), LOOP_NODES)
-        return {f'{prefix}/{role}': values for role, values in sections.items()}
 
     def _write_pending(self, bag: BagWriter) -> None:
         for stream, raw in self._pending:
@@ -168,7 +142,7 @@ class Recorder(LoopNode):
         except BagError as error:
             self.run.note_fault(f'cannot finish the bag: {error}')
         self._bag = None
-        for name in sorted(set(self._peers.owing) - self._written_parameters().keys()):
+        for name in self._description.missing():
             self.run.note_fault(
                 f'{name} has not told its parameters within '
                 f'{self._recording.parameters_timeout_s:g} s; the bag lacks them')
@@ -203,13 +177,13 @@ class Recorder(LoopNode):
             return False
         for name in self._peers.silent:
             self.get_logger().warning(f'{name} has not told its parameters yet; the bag begins')
-        metadata, parameters = self._description()
+        metadata, parameters = self._description.contents()
         try:
             self._bag = BagWriter(
                 self._directory, namespace=self.get_namespace(),
                 topics={stream: self.resolve_topic_name(stream) for stream in self.readers},
                 metadata=metadata, compression=self._recording.compression)
-            self._written.add(self._directory)
+            self._directories.note_written(self._directory)
             self._bag.attach_parameters(parameters)
         except (BagError, ValueError) as error:
             if self.running:
@@ -221,7 +195,3 @@ class Recorder(LoopNode):
     def status_fields(self) -> dict[str, Any]:
         """Return how much was recorded."""
         return {'index': max((reader.received for reader in self.readers.values()), default=0)}
-
-
-def _numbered(directory: Path, number: int) -> Path:
-    return directory if number == 1 else directory.with_name(f'{directory.name}_{number}')

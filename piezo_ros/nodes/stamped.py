@@ -18,121 +18,38 @@ An onlooker that offers the streams as stamped messages, for the tools of ROS th
 It reads ``newest/<stream>``, which costs the loop no reader and no waiting; see docs/stamped.md.
 """
 
-import sys
 import time
-from typing import Any, NamedTuple
+from typing import Any
 
-import numpy as np
-import rclpy
-from rclpy.exceptions import ParameterException
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
-from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import Float64MultiArray
 
-from piezo_ros.bag import STREAMS
+from piezo_ros.nodes.stamped_messages import (
+    Sample,
+    joint_state_fields,
+    newest_sample,
+    time_of,
+)
 from piezo_ros.parameters.node_parameters import StampedParameters
-from piezo_ros.runtime.node.guard import explain, guard_services
-from piezo_ros.runtime.node.hidden_subscriptions import NodeWithHiddenSubscriptions
 from piezo_ros.runtime.node.observation import newest_topic
 from piezo_ros.runtime.node.parameters import declare, read
+from piezo_ros.runtime.node.rclpy_node.guard import guard_services
+from piezo_ros.runtime.node.rclpy_node.hidden_subscriptions import NodeWithHiddenSubscriptions
 from piezo_ros.runtime.node.steady_timer import SteadyTimer
-from piezo_ros.runtime.process.distribution import make_events_executor, name_of_distribution
-from piezo_ros.runtime.process.leaving import exit_after
-from piezo_ros.runtime.process.middleware import set_middleware_defaults
-from piezo_ros.runtime.process.stop_request import StopRequest
 from piezo_ros.runtime.streams.qos import NEWEST, overridable
-from piezo_ros.streams import MalformedBlockError, block_from_message_fields
+from piezo_ros.streams import MalformedBlockError
 
-__all__ = ['Sample', 'Stamped', 'joint_state_fields', 'main', 'newest_sample', 'time_of']
+__all__ = ['Stamped']
 
-_UM_PER_M = 1e6  # 2.5 um over this are 2.5e-6 m to the last bit
-_LATEST_S = 2**31 - 1  # that a stamp can hold
 _IDLE_HZ = 5.0  # at which it looks while nothing comes
 _IDLE_S = 3.0  # after which that is so; the newest sample is repeated after one second
 _LOOK_FOR_WRITERS_HZ = 0.2
 _WARN_S = 10.0
-_LEAVE_S = 4.0
 
 # For readers of either reliability and durability; a late one has the last samples.
 _STAMPED = QoSProfile(
     history=HistoryPolicy.KEEP_LAST, depth=10, reliability=ReliabilityPolicy.RELIABLE,
     durability=DurabilityPolicy.TRANSIENT_LOCAL)
-
-
-class Sample(NamedTuple):
-    """One sample of a stream, in the stream's unit."""
-
-    index: int  # type: ignore[assignment]  # hides tuple.index, which samples do not need
-    sample_period_s: float
-    value: float
-
-
-def newest_sample(stream: str, message: Float64MultiArray) -> Sample | None:
-    """
-    Return the last sample of a block, None for the end of its stream.
-
-    Raises
-    ------
-    MalformedBlockError
-        If the message is no block of that stream.
-
-    """
-    layout = message.layout
-    label = f'{stream}_{STREAMS[stream]}'
-    labels = [dimension.label for dimension in layout.dim]
-    if labels != [label]:
-        raise MalformedBlockError(f'layout.dim has the labels {labels}, {stream!r} has {[label]}')
-    index, sample_period_s, samples = block_from_message_fields(
-        label, layout.dim[0].size, layout.dim[0].stride, layout.data_offset,
-        np.asarray(message.data))
-    if not samples.size:
-        return None
-    return Sample(index + samples.size - 1, sample_period_s, float(samples[-1]))
-
-
-def time_of(sample: Sample) -> tuple[int, int]:
-    """
-    Return the simulated time of a sample, k·Ts, as ``clock`` and bags have it.
-
-    Returns
-    -------
-    seconds, nanoseconds : int, int
-        As in ``builtin_interfaces/msg/Time``.
-
-    Raises
-    ------
-    ValueError
-        If it is too late for that type.
-
-    """
-    seconds, nanoseconds = divmod(
-        round(sample.index * sample.sample_period_s * 1e9), 10**9)
-    if seconds > _LATEST_S:
-        raise ValueError(
-            f'sample {sample.index} with a period of {sample.sample_period_s} s is at {seconds} s, '
-            f'a stamp is at most {_LATEST_S} s')
-    return seconds, nanoseconds
-
-
-def joint_state_fields(stream: str, value: float, joint: str) -> dict[str, list[Any]]:
-    """
-    Return what a ``sensor_msgs/msg/JointState`` has of a sample beside its header.
-
-    Parameters
-    ----------
-    stream : str
-        One of `STREAMS`.
-    value : float
-        In the unit of the stream.
-    joint : str
-        The joint that gets a length as its position, in metres. No message has a field for volts:
-        they go into the effort of a joint of another name, which is not taken for a force on this
-        one.
-
-    """
-    if STREAMS[stream] == 'um':
-        return {'name': [joint], 'position': [value / _UM_PER_M]}
-    return {'name': [f'{joint}_{stream}_{STREAMS[stream]}'], 'effort': [value]}
 
 
 class Stamped(NodeWithHiddenSubscriptions):
@@ -251,47 +168,3 @@ class _Twin:
             self._node.get_logger().warning(
                 f'{topic} has a writer, but {self.subscription.topic_name} has none; a node of '
                 'yours can publish its newest sample there, as a block of one')
-
-
-def _create_node(message_type: Any) -> Stamped | None:
-    try:
-        return Stamped(message_type)
-    except (ParameterException, RuntimeError, TypeError, ValueError) as error:
-        # Names the parameter, its value and the range, or what of an overridden QoS is nonsense.
-        print(f'stamped cannot start: {explain(error)}', file=sys.stderr)
-        return None
-
-
-def main() -> int:
-    """Offer the streams until the process is asked to end; return its exit code."""
-    stop = StopRequest()
-    stop.listen()
-    try:
-        from sensor_msgs.msg import JointState
-    except ImportError as error:
-        print(
-            f'stamped needs the ROS package sensor_msgs ({error}): install '
-            f'ros-{name_of_distribution()}-sensor-msgs, or ros-sensor-msgs where ROS comes from '
-            'PyPI; nothing else needs it', file=sys.stderr)
-        return 1
-    set_middleware_defaults()
-    try:
-        rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
-    except RuntimeError as error:
-        # No such parameter file, or arguments that ROS does not understand.
-        print(error, file=sys.stderr)
-        return 1
-    code = 1
-    executor = make_events_executor()
-    try:
-        node = _create_node(JointState)
-        if node is not None:
-            executor.add_node(node)
-            while not stop.signal_number:
-                executor.spin_once(0.5)
-            code = 0
-    finally:
-        exit_after(_LEAVE_S, code)
-        executor.shutdown()
-        rclpy.try_shutdown()
-    return code

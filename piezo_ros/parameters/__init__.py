@@ -12,4 +12,4 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The parameters of every node, of a whole run, and the ROS parameter files that hold them."""
+"""The parameters of every node, of a whole run, and the ROS parameter files that contain them."""

@@ -37,10 +37,10 @@ __all__ = [
     'BlockParameters',
     'DemandParameters',
     'HistoryParameters',
+    'LoopNodeParameters',
     'PaceParameters',
     'RecorderParameters',
     'SafetyParameters',
-    'StageParameters',
     'StampedParameters',
     'check_node_parameters',
     'parameter_names',
@@ -49,7 +49,7 @@ __all__ = [
 
 
 @dataclass(frozen=True, kw_only=True)
-class StageParameters(ParameterSet):
+class LoopNodeParameters(ParameterSet):
     """What every managed node has, whatever it computes."""
 
     sample_period_s: float = parameter(
@@ -187,14 +187,14 @@ class RecorderParameters(ParameterSet):
 
 # Node -> its parameter sets, the model's first. Also the order of bring-up: readers before writers.
 NODE_PARAMETERS: Final[Mapping[str, tuple[type[ParameterSet], ...]]] = {
-    'recorder': (RecorderParameters, StageParameters),
-    'compensator': (HysteresisParameters, StageParameters),
+    'recorder': (RecorderParameters, LoopNodeParameters),
+    'compensator': (HysteresisParameters, LoopNodeParameters),
     'controller': (
-        ControllerParameters, ChangeParameters, DemandParameters, StageParameters),
+        ControllerParameters, ChangeParameters, DemandParameters, LoopNodeParameters),
     'plant': (
         RigParameters, SafetyParameters, PaceParameters, HistoryParameters, BareParameters,
-        StageParameters),
-    'trajectory': (TrajectoryParameters, BlockParameters, StageParameters),
+        LoopNodeParameters),
+    'trajectory': (TrajectoryParameters, BlockParameters, LoopNodeParameters),
 }
 # The nodes of the control loop: all of them but the recorder.
 LOOP_NODES: Final = ('compensator', 'controller', 'plant', 'trajectory')

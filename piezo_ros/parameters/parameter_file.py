@@ -165,7 +165,7 @@ def read_parameter_set(
     parameter_set : type of ParameterSet
         Which of the node's parameters.
     assumed : mapping of str to value, optional
-        What holds where the file does not say otherwise; then come the node's own defaults.
+        What applies where the file does not say otherwise; then come the node's own defaults.
 
     Raises
     ------

@@ -68,7 +68,7 @@ class PlannedRun:
         return bool(self.parameters['trajectory']['output'] == 'voltage')
 
     @property
-    def stages(self) -> tuple[str, ...]:
+    def nodes(self) -> tuple[str, ...]:
         """The nodes of the loop that take part."""
         return ('plant', 'trajectory') if self.bare else LOOP_NODES
 

@@ -80,7 +80,7 @@ def nrmse(reference: ArrayLike, measured: ArrayLike) -> float:
     Raises
     ------
     ValueError
-        If the arrays are empty, not one-dimensional or of different shape, hold a value that is
+        If the arrays are empty, not one-dimensional or of different shape, contain a value that is
         not finite, or if the reference is constant.
 
     """
@@ -111,8 +111,8 @@ def nonlinearity(voltage: ArrayLike, displacement: ArrayLike) -> Nonlinearity:
     Raises
     ------
     ValueError
-        If the arrays are empty, not one-dimensional or of different shape, hold a value that is
-        not finite, are constant, or hold no complete loop.
+        If the arrays are empty, not one-dimensional or of different shape, contain a value that is
+        not finite, are constant, or contain no complete loop.
 
     """
     u, x = _finite_pair('voltage', voltage, 'displacement', displacement)

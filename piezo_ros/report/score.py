@@ -162,7 +162,7 @@ def score(
     Raises
     ------
     ValueError
-        If the metadata lacks a key or holds an unreadable value, if the run is shorter than the
+        If the metadata lacks a key or contains an unreadable value, if the run is shorter than the
         window, if a sample is not finite, or if `wall_seconds` is negative or not finite.
 
     """

@@ -32,6 +32,7 @@ from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.signals import SignalHandlerOptions
 
+from piezo_ros.runtime.node.handshake import await_acknowledgements
 from piezo_ros.runtime.node.loop_node import LoopNode
 from piezo_ros.runtime.process.distribution import make_events_executor
 from piezo_ros.runtime.process.leaving import exit_after
@@ -46,7 +47,7 @@ __all__ = ['host']
 _HOUSEKEEPING_S = 0.05
 _SPIN_S = 0.5  # between two looks whether the process ends
 _SHORT_SLEEP_S = 0.001
-# How long the readers have for the last messages: one may be held up, or dead, which becomes
+# How long the readers have for the last messages: one may be delayed, or dead, which becomes
 # known of a killed process only after 20 s. A launch file gives a process 5 s to end after Ctrl-C.
 _ACKNOWLEDGE_S = 20.0
 _ACKNOWLEDGE_IN_HASTE_S = 4.0
@@ -188,7 +189,7 @@ def _run(nodes: Sequence[LoopNode], stop: StopRequest, wake: threading.Event) ->
 
 
 def _say_farewell(nodes: Sequence[LoopNode], stop: StopRequest, *, failed: bool) -> None:
-    """Wait until the readers have the last messages, of which one may be dead or held up."""
+    """Wait until the readers have the last messages, of which one may be dead or delayed."""
     waited = RunningTime()
     if PARENT_VARIABLE in os.environ:
         for node in nodes:
@@ -199,7 +200,7 @@ def _say_farewell(nodes: Sequence[LoopNode], stop: StopRequest, *, failed: bool)
         return waited.elapsed_s() < (_ACKNOWLEDGE_IN_HASTE_S if in_haste else _ACKNOWLEDGE_S)
 
     for node in nodes:
-        node.await_acknowledgements(has_time)
+        await_acknowledgements(node.publishers_of_run, has_time)
 
 
 def _end(node: LoopNode, stop: StopRequest) -> None:

@@ -40,7 +40,7 @@ __all__ = [
 ]
 
 HEADER_NUMBERS: Final = 2  # layout.data_offset: index and sample period
-MAXIMUM_INDEX: Final = 2**53  # a double holds every integer below it
+MAXIMUM_INDEX: Final = 2**53  # a double represents every integer below it
 
 
 class MalformedBlockError(ValueError):
@@ -79,7 +79,7 @@ def block_from_message_fields(
     label: str, size: int, stride: int, data_offset: int, data: NDArray[np.float64],
 ) -> ArrayBlock:
     """
-    Return the block held by the fields of a message, checked.
+    Return the block in the fields of a message, checked.
 
     Parameters
     ----------

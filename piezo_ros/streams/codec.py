@@ -162,7 +162,7 @@ class BlockCodec:
 
     def decode(self, raw: bytes) -> Block:
         """
-        Return the block held by serialized bytes of any conforming publisher.
+        Return the block in serialized bytes of any conforming publisher.
 
         Parameters
         ----------

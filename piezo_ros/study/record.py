@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The numbers of a study for programs: what report.json holds beside the page."""
+"""The numbers of a study for programs: what report.json contains beside the page."""
 
 import math
 from collections.abc import Sequence

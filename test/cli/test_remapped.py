@@ -53,7 +53,7 @@ def record(path, plain, planned):
         path, topics=TOPICS, namespace='/rig', metadata=run_metadata(planned.parameters),
     ) as writer:
         writer.attach_parameters(parameters_yaml(
-            '/rig', {NODES[role]: planned.parameters[role] for role in planned.stages}))
+            '/rig', {NODES[role]: planned.parameters[role] for role in planned.nodes}))
         for stream in plain.streams:
             _, values = plain.whole(stream)
             writer.write_block(stream, 0, plain.sample_period_s, values)

@@ -122,7 +122,7 @@ def test_a_compensator_that_knows_no_hysteresis_tracks_worse(bag, tmp_path, repl
     assert table(out)['replayed'][0] > 2.0 * table(out)['recorded'][0]
 
 
-def test_a_bag_that_does_not_tell_its_stages_needs_them_as_files(bag, tmp_path, replay):
+def test_a_bag_that_does_not_tell_its_nodes_needs_them_as_files(bag, tmp_path, replay):
     run = read(bag)
     foreign = write_again(bag, tmp_path / 'foreign', parameters=False)
     code, _, err = replay(foreign)
@@ -146,7 +146,7 @@ def test_streams_that_begin_late_are_compared_sample_by_sample(bag, tmp_path, re
     assert f'samples {200 + (samples - 200) // 2} … {samples - 1}' in out
 
 
-def test_a_recording_that_its_stages_do_not_explain_is_warned_of(bag, tmp_path, replay):
+def test_a_recording_that_its_nodes_do_not_explain_is_warned_of(bag, tmp_path, replay):
     run = read(bag)
     with BagWriter(tmp_path / 'other', topics={name: f'/{name}' for name in run.streams}) as writer:
         writer.attach_parameters(parameters_yaml(
@@ -158,7 +158,7 @@ def test_a_recording_that_its_stages_do_not_explain_is_warned_of(bag, tmp_path, 
             writer.write_block(stream, 0, run.sample_period_s, samples)
     code, _, err = replay(tmp_path / 'other')
     assert code == 0
-    assert 'warning: the stages of the bag do not give the recorded run again' in err
+    assert 'warning: the nodes of the bag do not give the recorded run again' in err
     assert "'displacement': 100" in err
 
 

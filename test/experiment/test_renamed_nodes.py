@@ -51,7 +51,7 @@ def plain(planned, tmp_path):
 
 def write_renamed(path, run, planned, *, parameters=None):
     """Write a run as a recorder would that saw renamed nodes and remapped topics."""
-    nodes = parameters or {NAMES[role]: planned.parameters[role] for role in planned.stages}
+    nodes = parameters or {NAMES[role]: planned.parameters[role] for role in planned.nodes}
     with BagWriter(
         path, topics=TOPICS, namespace='/rig', metadata=run_metadata(parameters_by_role(nodes)),
     ) as writer:
@@ -92,7 +92,7 @@ def test_the_parameters_of_a_renamed_node_are_found(plain, planned, tmp_path):
 
 
 def test_two_plants_in_one_namespace_are_refused_by_name(plain, planned, tmp_path):
-    nodes = {NAMES[role]: planned.parameters[role] for role in planned.stages}
+    nodes = {NAMES[role]: planned.parameters[role] for role in planned.nodes}
     nodes['stage2'] = planned.parameters['plant']
     write_renamed(tmp_path / 'bag', plain, planned, parameters=nodes)
     run = read(tmp_path / 'bag')
@@ -104,15 +104,15 @@ def test_two_plants_in_one_namespace_are_refused_by_name(plain, planned, tmp_pat
         recorded_parameters(run, 'plant', RigParameters)
 
 
-def test_another_stage_that_is_called_plant_gives_way_to_one_that_is(plain, planned, tmp_path):
-    nodes = {NAMES[role]: planned.parameters[role] for role in planned.stages}
+def test_another_node_that_is_called_plant_gives_way_to_one_that_is(plain, planned, tmp_path):
+    nodes = {NAMES[role]: planned.parameters[role] for role in planned.nodes}
     nodes = {**nodes, 'law': nodes['plant'], 'plant': {'serial_number': 5}}
     write_renamed(tmp_path / 'bag', plain, planned, parameters=nodes)
     assert replay(read(tmp_path / 'bag')).is_faithful
 
 
 def test_the_only_plant_will_do_wherever_it_was_but_not_for_a_replay(plain, planned, tmp_path):
-    nodes = {f'/far/{NAMES[role]}': planned.parameters[role] for role in planned.stages}
+    nodes = {f'/far/{NAMES[role]}': planned.parameters[role] for role in planned.nodes}
     write_renamed(tmp_path / 'bag', plain, planned, parameters=nodes)
     run = read(tmp_path / 'bag')
     assert recorded_parameters(run, 'plant', RigParameters) == planned.plant
@@ -121,7 +121,7 @@ def test_the_only_plant_will_do_wherever_it_was_but_not_for_a_replay(plain, plan
 
 
 def test_a_plant_of_another_release_is_known_by_its_name(plain, planned, tmp_path):
-    nodes = {role: dict(planned.parameters[role]) for role in planned.stages}
+    nodes = {role: dict(planned.parameters[role]) for role in planned.nodes}
     del nodes['plant']['drift_um_per_s']
     write_renamed(tmp_path / 'bag', plain, planned, parameters=nodes)
     result = replay(read(tmp_path / 'bag'))

@@ -124,7 +124,7 @@ def test_a_cut_off_run_is_replayed_as_far_as_it_goes(recorded, planned, tmp_path
     assert result.is_faithful
 
 
-def test_the_stages_are_those_of_the_namespace_of_the_run(recorded, planned, tmp_path):
+def test_the_nodes_are_those_of_the_namespace_of_the_run(recorded, planned, tmp_path):
     run = write_bag(
         tmp_path / 'left', streams_of(recorded), planned.parameters, namespace='/left')
     assert replay(run).is_faithful
@@ -147,7 +147,7 @@ def test_a_missing_feedforward_is_made_from_the_trajectory(recorded, planned, tm
     assert replay(run, scheme='fb').streams.feedforward_um.tolist() == [0.0] * recorded.samples
 
 
-def test_a_foreign_bag_needs_every_stage(recorded, planned, tmp_path):
+def test_a_foreign_bag_needs_every_node(recorded, planned, tmp_path):
     run = write_bag(tmp_path / 'foreign', streams_of(recorded), None)
     with pytest.raises(BagError, match=r'nothing of the controller .* \(nodes with parameters: no'):
         replay(run)
@@ -195,7 +195,7 @@ def test_a_run_without_reference_is_refused(recorded, planned, tmp_path):
         replay(write_bag(tmp_path / 'bare', streams, planned.parameters))
 
 
-def test_a_value_out_of_range_is_told_with_bag_and_stage(recorded):
+def test_a_value_out_of_range_is_told_with_bag_and_node(recorded):
     recorded.parameters['/controller']['proportional_gain'] = -1.0
     with pytest.raises(ParameterError, match='bag: controller: proportional_gain is -1'):
         replay(recorded)

@@ -32,7 +32,7 @@ from piezo_ros.launching.arguments import LAUNCH_FILES
 
 ROOT = Path(__file__).parents[2]
 PATIENCE_S = 30.0
-STAGES = ('compensator', 'controller', 'plant', 'trajectory')
+NODES = ('compensator', 'controller', 'plant', 'trajectory')
 
 # Ends with the code that it finds in $ENDS/<namespace>.<name>, or with 0 when it is told to.
 STAND_IN = """\
@@ -89,7 +89,7 @@ class _Launch:
         for path in self._ends, programs, index:
             path.mkdir(parents=True)
         (index / 'piezo_ros').touch()
-        for name in ('recorder', 'loop', *STAGES):
+        for name in ('recorder', 'loop', *NODES):
             (programs / name).write_text(STAND_IN.format(python=sys.executable))
             (programs / name).chmod(0o755)
         file = folder / 'two_rigs.launch.py'
@@ -169,7 +169,7 @@ def two(**arguments):
         f"include('scan', namespace={name!r}, record='true'{given})" for name in ('one', 'two'))
 
 
-def all_of(rig, how, names=('recorder', *STAGES)):
+def all_of(rig, how, names=('recorder', *NODES)):
     return [f'{rig} {name} {how}' for name in names]
 
 
@@ -182,11 +182,11 @@ def test_an_included_rig_ends_alone_and_the_launch_with_the_last_one(launched):
     launch.wait_for(*all_of('_one', 'began'), *all_of('_two', 'began'))
     launch.end('_one', 'recorder', 0)
     launch.wait_for(
-        '/one: recorder is done; ending the other nodes', *all_of('_one', 'stopped', STAGES))
+        '/one: recorder is done; ending the other nodes', *all_of('_one', 'stopped', NODES))
     assert '_two recorder stopped' not in launch.said
     launch.end('_two', 'recorder', 0)
     said = launch.wait()
-    assert all(text in said for text in all_of('_two', 'stopped', STAGES))
+    assert all(text in said for text in all_of('_two', 'stopped', NODES))
     assert '_two recorder ended' in said
     assert is_clean(said), said
 
@@ -194,17 +194,17 @@ def test_an_included_rig_ends_alone_and_the_launch_with_the_last_one(launched):
 @pytest.mark.parametrize('composed', ['false', 'true'])
 def test_who_fails_takes_its_own_rig_along_and_the_log_says_so(launched, composed):
     launch = launched(two(composed=composed))
-    stages = ('loop',) if composed == 'true' else STAGES
+    nodes = ('loop',) if composed == 'true' else NODES
     for rig in ('_one', '_two'):
-        launch.wait_for(*all_of(rig, 'began', ('recorder', *stages)))
-    launch.end('_one', stages[-1], 3)
+        launch.wait_for(*all_of(rig, 'began', ('recorder', *nodes)))
+    launch.end('_one', nodes[-1], 3)
     launch.wait_for(
-        f'[ERROR] [piezo_ros]: /one: {stages[-1]} failed with exit code 3; ending the other nodes '
-        'of this rig', *all_of('_one', 'stopped', ('recorder', *stages[:-1])))
+        f'[ERROR] [piezo_ros]: /one: {nodes[-1]} failed with exit code 3; ending the other nodes '
+        'of this rig', *all_of('_one', 'stopped', ('recorder', *nodes[:-1])))
     assert '_two recorder stopped' not in launch.said
     # One that ends well without being the recorder ends no other.
-    launch.end('_two', stages[0], 0)
-    launch.wait_for(f'_two {stages[0]} ended')
+    launch.end('_two', nodes[0], 0)
+    launch.wait_for(f'_two {nodes[0]} ended')
     launch.end('_two', 'recorder', 0)
     said = launch.wait()
     assert said.count('[piezo_ros]: /one: ') == 1, said

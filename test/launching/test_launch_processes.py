@@ -100,7 +100,7 @@ def test_a_scan_sets_its_parameters_behind_the_files_and_each_node_gets_its_own(
     assert controller[controller.index('--params-file') + 1] == str(CONFIG / 'controller.yaml')
 
 
-def test_with_a_recorder_every_stage_waits_for_it_and_stays_until_it_is_done():
+def test_with_a_recorder_every_node_waits_for_it_and_stays_until_it_is_done():
     alone, recorded = processes('rig.launch.py'), processes(
         'rig.launch.py', record='true', bag_directory='there')
     for node in LOOP_NODES:

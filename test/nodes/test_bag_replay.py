@@ -28,8 +28,8 @@ from std_msgs.msg import Float64MultiArray
 
 from piezo_ros.bag import read
 
-# Stage -> the streams that are played into it, and the one that it must answer with.
-STAGES = {
+# Node -> the streams that are played into it, and the one that it must answer with.
+NODES = {
     'controller': (('reference', 'feedforward', 'displacement'), 'command'),
     'compensator': (('command',), 'voltage'),
     'plant': (('voltage',), 'displacement'),
@@ -112,43 +112,43 @@ def _parameter_file(bag, path):
     return path
 
 
-@pytest.mark.parametrize(('stage', 'scheme'), [
+@pytest.mark.parametrize(('node', 'scheme'), [
     ('controller', 'fbff'), pytest.param('controller', 'ff', marks=pytest.mark.slow),
     # The others have no scheme.
     ('compensator', 'fbff'), ('plant', 'fbff')])
 def test_a_played_bag_gives_the_recorded_stream_again_whatever_the_rate(
-        recorded, recorded_peer, tmp_path, stage, scheme):
+        recorded, recorded_peer, tmp_path, node, scheme):
     rig, bags = recorded
     peer = recorded_peer
-    played, answered = STAGES[stage]
+    played, answered = NODES[node]
     bag = bags[scheme]
     peer.read(answered)
     expected = read(bag).whole(answered)[1]
     # The parameters of the recorded node, and one reader where there were two.
     process = rig.start_node(
-        stage, '--params-file', str(_parameter_file(bag, tmp_path / 'nodes.yaml')),
+        node, '--params-file', str(_parameter_file(bag, tmp_path / 'nodes.yaml')),
         '-p', 'autostart:=false', '-p', 'handshake_timeout_s:=60.0',
         '-p', 'required_readers:=1', '-p', 'compiled:=false', '-p', 'watchdog_s:=1e4')
-    assert peer.change_state(stage, 'configure')
+    assert peer.change_state(node, 'configure')
     for rate in RATES:
         player = Player(rig, bag, played, short_history=rate == 'one by one')
         peer.wait(player.matched, 'the node to be discovered')
         if rate == BEFORE:
             player.play(rate)
-        assert peer.change_state(stage, 'activate')
+        assert peer.change_state(node, 'activate')
         # The node is active once it has found the player.
         if rate != BEFORE:
             player.play(rate)
-        peer.wait_for_status(stage, state='finished', index=expected.size, refused=0)
+        peer.wait_for_status(node, state='finished', index=expected.size, refused=0)
         samples = peer.wait_for_samples(answered, expected.size)
         np.testing.assert_array_equal(
             np.array(samples).view(np.uint64), expected.view(np.uint64))
-        assert peer.change_state(stage, 'deactivate')
+        assert peer.change_state(node, 'deactivate')
         player.destroy()
         peer.wait(
             lambda: len(peer.received[answered][-1].data) == 2, 'the end of the stream')
         peer.received[answered].clear()
-    assert peer.change_state(stage, 'inactive_shutdown')
+    assert peer.change_state(node, 'inactive_shutdown')
     assert process.wait() == 0, process.output
     for word in ('WARN', 'ERROR', 'Traceback'):
         assert word not in process.output

@@ -19,7 +19,7 @@ The index at the end of a file is not used, so that a file that was cut off is r
 up to its last whole record. The library mcap parses and decompresses the records. Only the step
 from record to record is done here: `mcap.stream_reader.StreamReader` stops at the first record
 that does not parse, and it parses the message index behind each chunk entry by entry, which takes
-longer than all the rest where each message holds one sample.
+longer than all the rest where each message has one sample.
 """
 
 import io
@@ -51,7 +51,7 @@ __all__ = ['McapFile', 'Piece']
 
 _LOOSE_BYTES: Final = 1 << 20  # messages outside of chunks are handed on in pieces of this size
 _CHANNEL_OFFSET: Final = 9
-# Chunks are decompressed ahead in threads, which do not hold the interpreter's lock meanwhile.
+# Chunks are decompressed ahead in threads, which do not keep the interpreter's lock meanwhile.
 _THREADS: Final = max(1, min(4, (os.cpu_count() or 1) - 1))
 _PIECES_AHEAD: Final = 2 * _THREADS
 _PARSE_ERRORS: Final = (McapError, struct.error, UnicodeDecodeError, OverflowError, MemoryError)

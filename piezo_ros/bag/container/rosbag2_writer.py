@@ -39,7 +39,7 @@ COMPRESSIONS: Final = {
     'none': CompressionType.NONE,
 }
 _CHUNK_BYTES: Final = 1 << 20
-_MAXIMUM_TIME_NS: Final = 2**63 - 1  # rosbag2 holds times as signed 64-bit integers
+_MAXIMUM_TIME_NS: Final = 2**63 - 1  # rosbag2 keeps times as signed 64-bit integers
 _UNKNOWN_DISTRIBUTION: Final = 'unknown'  # where no ROS is sourced
 
 

@@ -59,7 +59,7 @@ def plan_run(
     Parameters
     ----------
     base : mapping of str to mapping
-        Node to parameters that hold for every run.
+        Node to parameters that apply to every run.
     entry : mapping of str to value
         The run as in a plan, without lists of alternatives.
     where : str

@@ -85,7 +85,7 @@ def open_sweep(plan: SweepPlan, source: Path, directory: Path, *, force: bool) -
     Raises
     ------
     PlanError
-        If the directory holds something else, or the sweep of another plan.
+        If the directory contains something else, or the sweep of another plan.
 
     """
     record = directory / _RECORD

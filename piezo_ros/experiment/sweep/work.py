@@ -55,7 +55,7 @@ class SweepWork:
     plan : SweepPlan
         The sweep.
     directory : str
-        Where its runs go, by a path that holds for every worker.
+        Where its runs go, by a path that is valid for every worker.
     keep_bags : bool
         Whether the bag of each run is kept beside its result.
 

@@ -64,7 +64,7 @@ from piezo_ros.identification.hysteresis.records import (
     predict,
 )
 from piezo_ros.model.hysteresis import HysteresisParameters
-from piezo_ros.model.mrc_operator import MaxwellResistiveCapacitor
+from piezo_ros.model.hysteresis_and_inverse import MaxwellResistiveCapacitor
 
 __all__ = ['Coverage', 'HysteresisFit', 'fit_hysteresis']
 

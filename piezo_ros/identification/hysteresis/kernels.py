@@ -110,11 +110,11 @@ def bouc_wen_chunk(
         voltage = voltage_v[k]
         change = voltage - state[0]
         size = abs(change)
-        held = state[1]
-        sign = 1.0 if held >= 0.0 else -1.0
+        before = state[1]
+        sign = 1.0 if before >= 0.0 else -1.0
         rate = beta * size + gamma * change * sign
         keep = 1.0 / (1.0 + rate) if rate > 0.0 else 1.0 - rate
-        grown = held + a * change
+        grown = before + a * change
         by_rate = -keep * keep * grown if rate > 0.0 else -grown
         state[2] = keep * (state[2] + change)
         state[3] = keep * state[3] + by_rate * size

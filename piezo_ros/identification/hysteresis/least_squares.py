@@ -16,7 +16,7 @@
 Least squares within bounds for few parameters and any number of samples.
 
 The projected Levenberg-Marquardt method on the normal equations. With residual e, Jacobian J of the
-prediction, and scale D = diag(J'J)^(-1/2), a step of the parameters that no bound holds is
+prediction, and scale D = diag(J'J)^(-1/2), a step of the parameters that no bound stops is
 
     step = D (D J'J D + damping I)^(-1) D J'e,   theta -> clip(theta + step, lower, upper)
 
@@ -91,7 +91,7 @@ def minimise(
     start : ndarray, shape (m,)
         First parameters; clipped to the bounds.
     lower, upper : ndarray, shape (m,)
-        Bounds; equal ones hold a parameter fixed.
+        Bounds; equal ones keep a parameter fixed.
     maximum_steps : int, optional
         Steps tried at most.
 
@@ -129,9 +129,9 @@ def _step(
     theta: _Floats, normal: NormalEquations, damping: float, lower: _Floats, upper: _Floats,
 ) -> _Floats:
     """Return the damped step of the parameters that are free of their bounds, 0 for the others."""
-    held = ((theta <= lower) & (normal.gradient <= 0.0)) | (
+    at_bound = ((theta <= lower) & (normal.gradient <= 0.0)) | (
         (theta >= upper) & (normal.gradient >= 0.0))
-    free = np.flatnonzero(~held & (np.diag(normal.curvature) > 0.0))
+    free = np.flatnonzero(~at_bound & (np.diag(normal.curvature) > 0.0))
     scale = 1.0 / np.sqrt(np.diag(normal.curvature)[free])
     # In units in which every column of the Jacobian has length one.
     curvature = normal.curvature[np.ix_(free, free)] * np.outer(scale, scale)

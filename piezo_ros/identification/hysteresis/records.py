@@ -178,7 +178,7 @@ def delayed(values: _Floats, delay_samples: float) -> tuple[_Floats, float]:
     Parameters
     ----------
     values : ndarray, shape (N,)
-        The signal; it is held before its first and after its last sample.
+        The signal; it is constant before its first and after its last sample.
     delay_samples : float
         Delay d, negative for an advance.
 

@@ -165,7 +165,7 @@ class DynamicsFit:
 
     def confidence_interval(self, name: str) -> tuple[float, float]:
         """
-        Return the bounds that hold the true parameter in 95 % of cases.
+        Return the bounds that contain the true parameter in 95 % of cases.
 
         Parameters
         ----------

@@ -122,7 +122,7 @@ class FrequencyResponse:
 
     @property
     def confidence_radius(self) -> NDArray[np.float64]:
-        """Radius of the circle that holds the true response in 95 % of cases, shape (N,)."""
+        """Radius of the circle that contains the true response in 95 % of cases, shape (N,)."""
         return np.asarray(np.sqrt(-math.log(0.05) * self.variance))
 
     def select(self, mask: ArrayLike) -> 'FrequencyResponse':

@@ -17,7 +17,7 @@
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from piezo_ros.model.mrc_operator import MaxwellResistiveCapacitor
+from piezo_ros.model.hysteresis_and_inverse import MaxwellResistiveCapacitor
 from piezo_ros.model.rig import RigParameters
 from piezo_ros.model.simulated_rig import Rig
 

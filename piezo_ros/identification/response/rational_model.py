@@ -22,7 +22,7 @@ every model is stable, the n_m, and L. The sampled response is the sum over all 
 
     H(exp(i w T)) = (1 - exp(-i w T))/T sum_k G(s_k)/s_k,   s_k = i (w + 2 pi k/T),
 
-which is smooth in every parameter (poles may coincide) and holds for any delay.
+which is smooth in every parameter (poles may coincide) and is valid for any delay.
 
 Examples
 --------

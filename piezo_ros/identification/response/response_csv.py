@@ -41,8 +41,8 @@ def response_csv(response: FrequencyResponse) -> str:
     -------
     str
         One line per point, in order of frequency: magnitude, phase (degrees), radius of the circle
-        that holds the true response in 95 % of cases, coherence (empty where there was one group of
-        periods only), distortion, amplitude and offset; for a point left out the reason.
+        that contains the true response in 95 % of cases, coherence (empty where there was one group
+        of periods only), distortion, amplitude and offset; for a point left out the reason.
 
     """
     rows: list[tuple[float | str, ...]] = [

@@ -135,7 +135,7 @@ def uncertainty_bound(
     Returns
     -------
     UncertaintyBound
-        The bound, which holds at every point.
+        The bound, which is valid at every point.
 
     Raises
     ------
@@ -163,7 +163,7 @@ def uncertainty_bound(
     numerator, denominator = fitted.polynomials()
     bound = UncertaintyBound(
         order, numerator, denominator, frequency, delta, amplitude, offset, where, largest)
-    # The fit merges frequencies that are nearly equal; the bound must hold at every single point.
+    # The fit merges frequencies that are nearly equal; the bound must be valid at every point.
     return replace(bound, numerator=numerator * max(1.0, (1.0 + _MARGIN) / bound.smallest_margin))
 
 

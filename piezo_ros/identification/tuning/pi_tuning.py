@@ -18,9 +18,9 @@ The PI gains of least ITAE within limits of robustness, started by the crossover
     minimise ITAE = integral of t |e| dt, (9) in Liu 2015
     subject to |W T| < 1, (10),   |S| <= limit,   a stable loop with its delay
 
-The search is over kP = g, kI = r g. Along a ray of fixed r the limits hold from g = 0 up to some g,
-which is found by bisection; so every candidate is stable and within the limits, and no derivatives
-are needed.
+The search is over kP = g, kI = r g. Along a ray of fixed r the limits are kept from g = 0 up to
+some g, which is found by bisection; so every candidate is stable and within the limits, and no
+derivatives are needed.
 
 Start: with the gain kU at which the proportional loop oscillates, and its period TU,
 

@@ -56,7 +56,7 @@ class ResponseCurve(NamedTuple):
     response : array_like of complex, shape (N,)
         Output over input.
     confidence_radius : array_like, shape (N,), optional
-        Radius of the circle that holds the true response; drawn as bars at points and as a band
+        Radius of the circle that contains the true response; drawn as bars at points and as a band
         around a line.
     style : str
         ``'points'`` for a measurement, ``'line'`` for a model.
@@ -80,7 +80,7 @@ class MagnitudeAndPhase(NamedTuple):
         Magnitude, and phase in degrees, unwrapped along the frequency.
     magnitude_radius, phase_radius_deg : ndarray, shape (N,)
         Half widths of their confidence intervals; 0 where no confidence is known. A circle that
-        holds the origin leaves the phase unknown: 180 degrees.
+        contains the origin leaves the phase unknown: 180 degrees.
 
     """
 

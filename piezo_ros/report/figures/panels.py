@@ -57,7 +57,7 @@ class PanelGrid(NamedTuple):
     Attributes
     ----------
     figure : Figure
-        The figure that holds them.
+        The figure that contains them.
     panels : list of Axes
         On common axes, row by row; the lowest of each column shows the numbers of x.
     spare : Axes or None

@@ -120,7 +120,7 @@ class Table:
     Attributes
     ----------
     columns : sequence of Column
-        From left to right; the first holds the name of the row.
+        From left to right; the first has the name of the row.
     rows : sequence of Heading or of sequences of values
         A value is a str, int, float, None (unknown, shown as a dash) or a `Cell`.
     caption : str

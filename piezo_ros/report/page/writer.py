@@ -79,7 +79,7 @@ def write_page(
         If a number is not finite, if an anchor is malformed or used twice, or if two files have the
         same name.
     TypeError
-        If the data hold an object that JSON cannot represent.
+        If the data contain an object that JSON cannot represent.
     OSError
         If a file cannot be written.
 

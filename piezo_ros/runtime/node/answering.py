@@ -14,17 +14,15 @@
 
 """A node that answers the samples of one stream by those of another."""
 
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from piezo_ros.runtime.node.loop_node import LoopNode
+from piezo_ros.runtime.node.relay import Relay, RelayedElement
 from piezo_ros.runtime.streams.bursts import answer_taken, answer_waiting
 from piezo_ros.runtime.streams.endpoints import StreamReader, StreamWriter
-
-if TYPE_CHECKING:
-    from piezo_ros.runtime.node.relay import Relay, RelayedElement
 
 __all__ = ['AnsweringNode', 'Element']
 
@@ -45,7 +43,7 @@ class AnsweringNode(LoopNode):
         """Return what answers in the run that begins, in its initial state."""
         raise NotImplementedError
 
-    def relayed(self) -> 'RelayedElement | None':
+    def relayed(self) -> RelayedElement | None:
         """Return the element, if single samples may be answered in compiled code alone."""
         return None
 
@@ -59,18 +57,14 @@ class AnsweringNode(LoopNode):
         self.writer: StreamWriter = self.writers[self.outputs[0]]
         self._element = self.make_element()
         element = self.relayed()
-        self._relay = self._make_relay(element) if element else None
-
-    def _make_relay(self, element: 'RelayedElement') -> 'Relay':
-        from piezo_ros.runtime.node.relay import Relay
-        return Relay(self, self.reader, self.writer, element, self._poll_taken)
+        self._relay = (
+            Relay(self, self.reader, self.writer, element, self._poll_taken) if element else None)
 
     def poll(self) -> bool:
         """Answer what waits."""
         longest = answer_waiting(self.reader, self.writer, self.answer)
         if longest == 1 and self._relay and not self.reader.held:
-            self._relay.use(*self.beside(self.reader.next_index))
-            self.quick = self._relay.look
+            self._relay.begin(*self.beside(self.reader.next_index))
         return self._done(longest)
 
     def answer(self, index: int, samples: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -82,7 +76,8 @@ class AnsweringNode(LoopNode):
 
     def _poll_taken(self) -> bool:
         """Answer the message that the relay has left, and those that wait."""
-        self.quick = self.look
+        if self._relay:
+            self._relay.end()
         return self._done(answer_taken(self.reader, self.writer, self.answer))
 
     def _done(self, longest: int) -> bool:

@@ -22,13 +22,13 @@ from rclpy.parameter import Parameter
 
 from piezo_ros.parameters.node_parameters import (
     NODE_PARAMETERS,
-    StageParameters,
+    LoopNodeParameters,
     parameter_names,
 )
 from piezo_ros.parameters.role_parameters import parameter_files, role_parameters
-from piezo_ros.runtime.node.guard import guarded
 from piezo_ros.runtime.node.hooks import NodeHooks
 from piezo_ros.runtime.node.parameters import declare, names_by_change, plain, read
+from piezo_ros.runtime.node.rclpy_node.guard import guarded
 
 __all__ = ['ParameterChanges']
 
@@ -49,7 +49,7 @@ class ParameterChanges:
     """
 
     def __init__(
-        self, node: NodeHooks, *, compiled: bool, take: Callable[[StageParameters], None],
+        self, node: NodeHooks, *, compiled: bool, take: Callable[[LoopNodeParameters], None],
     ) -> None:
         sets = NODE_PARAMETERS[node.role]
         when = names_by_change(*sets)
@@ -78,10 +78,10 @@ class ParameterChanges:
         """Whether parameters have changed since they were read."""
         return self._has_unread
 
-    def read(self) -> StageParameters:
+    def read(self) -> LoopNodeParameters:
         """Return what all nodes of the loop have; whatever has changed counts as read."""
         self._has_unread = False
-        return read(self._node, StageParameters)
+        return read(self._node, LoopNodeParameters)
 
     def note_endpoints(self) -> None:
         """Remember the parameters that the endpoints are made of now."""
@@ -125,4 +125,4 @@ class ParameterChanges:
     def _after(self, changes: list[Parameter]) -> None:
         if self._node.is_configured:
             self._has_unread = True
-            self._take(read(self._node, StageParameters))
+            self._take(read(self._node, LoopNodeParameters))

@@ -12,16 +12,24 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The handshake before a run: every stream must have its peers before the first sample."""
+"""
+The handshake before a run, and the acknowledgement after it.
+
+Every stream must have its peers before the first sample, and every reader the end of the run.
+"""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+
+from rclpy.duration import Duration
+from rclpy.publisher import Publisher
 
 from piezo_ros.runtime.node.hooks import NodeHooks
 from piezo_ros.runtime.process.running_time import RunningTime
 
-__all__ = ['await_peers']
+__all__ = ['await_acknowledgements', 'await_peers']
 
+_ACKNOWLEDGE = Duration(seconds=0.1)
 _TELL_WAITING_S = 3.0
 _LOOK_S = 0.005
 
@@ -100,3 +108,23 @@ def _missing_reader(node: NodeHooks) -> str:
                 f'{writer.publisher.topic_name} has {readers} reliable readers, {needed} are '
                 'needed')
     return ''
+
+
+def await_acknowledgements(
+    publishers: Iterable[Publisher], has_time: Callable[[], bool],
+) -> None:
+    """
+    Wait until every reader has what was published.
+
+    Parameters
+    ----------
+    publishers : iterable of Publisher
+        What has published it.
+    has_time : callable
+        Whether to go on waiting for a reader, which may be dead; asked ten times a second.
+
+    """
+    for publisher in publishers:
+        # Once at least: a reader that has everything already is not waited for.
+        while not publisher.wait_for_all_acked(_ACKNOWLEDGE) and has_time():
+            pass

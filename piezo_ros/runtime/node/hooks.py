@@ -19,8 +19,8 @@ import os
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from piezo_ros.parameters.node_parameters import StageParameters
-from piezo_ros.runtime.node.stream_node import StreamNode
+from piezo_ros.parameters.node_parameters import LoopNodeParameters
+from piezo_ros.runtime.node.rclpy_node.stream_node import StreamNode
 from piezo_ros.runtime.streams.endpoints import StreamReader, StreamWriter
 
 __all__ = ['NodeHooks', 'RunState']
@@ -88,7 +88,7 @@ class NodeHooks(StreamNode):
     # The diagnostics warn where these counts grow.
     troubles: tuple[str, ...] = ('refused_messages', 'gaps')
 
-    settings: StageParameters  # there once the node is configured
+    settings: LoopNodeParameters  # there once the node is configured
 
     def __init__(self, role: str) -> None:
         super().__init__(role)
@@ -112,6 +112,23 @@ class NodeHooks(StreamNode):
         """Subscribe to the inputs."""
         self.readers = {
             stream: StreamReader(self, stream, self.input_topic(stream)) for stream in self.inputs}
+
+    def create_streams(self) -> None:
+        """Subscribe to the inputs, unless that comes late, and create the outputs."""
+        if not self.subscribes_late:
+            self.create_readers()
+        self.writers = {
+            stream: StreamWriter(self, stream, self.settings.recorded_block_samples)
+            for stream in self.outputs}
+
+    def destroy_streams(self) -> None:
+        """Destroy what takes the inputs and publishes the outputs."""
+        for reader in self.readers.values():
+            self.destroy_hidden_subscription(reader.subscription)
+        for writer in self.writers.values():
+            for publisher in writer.publishers:
+                self.destroy_publisher(publisher)
+        self.readers, self.writers = {}, {}
 
     def create_endpoints(self) -> None:
         """Create what the node has beside its streams."""

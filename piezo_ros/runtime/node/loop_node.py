@@ -16,29 +16,26 @@
 A node of the loop: its parts, and its lifecycle.
 
 Its streams are served by the stream loop of the process (`piezo_ros.runtime.host`), everything else
-by an executor in another thread, see `piezo_ros.runtime.node.stream_node`.
+by an executor in another thread, see `piezo_ros.runtime.node.rclpy_node.stream_node`.
 """
 
-import traceback
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 
-from rclpy.duration import Duration
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
+from rclpy.publisher import Publisher
 
-from piezo_ros.parameters.node_parameters import StageParameters
+from piezo_ros.parameters.node_parameters import LoopNodeParameters
 from piezo_ros.runtime.node.changes import ParameterChanges
-from piezo_ros.runtime.node.handshake import await_peers
+from piezo_ros.runtime.node.handshake import await_acknowledgements, await_peers
 from piezo_ros.runtime.node.hooks import NodeHooks
 from piezo_ros.runtime.node.observation import Diagnostics, Monitor
 from piezo_ros.runtime.node.run import Run
 from piezo_ros.runtime.node.status import Status
 from piezo_ros.runtime.process.running_time import RunningTime
-from piezo_ros.runtime.streams.endpoints import StreamWriter
 
 __all__ = ['LoopNode']
 
-_ACKNOWLEDGE = Duration(seconds=0.1)
 _FAREWELL_S = 2.0  # how long the readers of an interrupted run have for its end
 
 
@@ -69,18 +66,12 @@ class LoopNode(NodeHooks):
         self.create_trigger('reset', self.run.reset)
         self.create_trigger('stop', self.run.stop_by_service)
 
-    # -- lifecycle --------------------------------------------------------------------------------
-
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Read the parameters and create every endpoint."""
         try:
             self._read_parameters()
             self._changes.note_endpoints()
-            if not self.subscribes_late:
-                self.create_readers()
-            self.writers = {
-                stream: StreamWriter(self, stream, self.settings.recorded_block_samples)
-                for stream in self.outputs}
+            self.create_streams()
             self.create_endpoints()
             self._monitor.create_endpoints()
         except Exception as error:  # rclpy would swallow it.
@@ -122,7 +113,7 @@ class LoopNode(NodeHooks):
         self.between_samples(lambda: self.stop('deactivated'))
         # A reader that begins a run after this finds the end of this one among what has come.
         waited = RunningTime()
-        self.await_acknowledgements(lambda: waited.elapsed_s() < _FAREWELL_S)
+        await_acknowledgements(self.publishers_of_run, lambda: waited.elapsed_s() < _FAREWELL_S)
         self._monitor.stop()
         self.status.report('inactive')
         return TransitionCallbackReturn.SUCCESS
@@ -156,7 +147,7 @@ class LoopNode(NodeHooks):
         with self._interruptible():
             self.configure()
 
-    def _take_changes(self, settings: StageParameters) -> None:
+    def _take_changes(self, settings: LoopNodeParameters) -> None:
         self.settings = settings
         self.parameters_changed()
         self._monitor.use_rate(settings.monitor_rate_hz)
@@ -177,12 +168,7 @@ class LoopNode(NodeHooks):
             self.is_starting = False
 
     def _refuse(self, transition: str, why: Exception | str) -> TransitionCallbackReturn:
-        """Say why a transition fails, in log and status; a latched fault stays the reason there."""
-        self.run_state.reason = self.run_state.fault or str(why)
-        self.get_logger().error(f'cannot {transition}: {why}')
-        if isinstance(why, Exception) and not isinstance(why, (ValueError, OSError)):
-            self.get_logger().error(''.join(traceback.format_exception(why)))
-        self.status.report()
+        self.status.report_refusal(transition, why)
         return TransitionCallbackReturn.FAILURE
 
     def _give_up(self, why: str) -> TransitionCallbackReturn:
@@ -196,15 +182,8 @@ class LoopNode(NodeHooks):
     def _destroy_endpoints(self) -> None:
         self.is_configured = False
         self._monitor.stop()
-        for reader in self.readers.values():
-            self.destroy_hidden_subscription(reader.subscription)
-        for writer in self.writers.values():
-            for publisher in writer.publishers:
-                self.destroy_publisher(publisher)
-        self.readers, self.writers = {}, {}
+        self.destroy_streams()
         self.destroy_own_endpoints()
-
-    # -- end of a run -----------------------------------------------------------------------------
 
     def finish(self) -> None:
         """End the run well."""
@@ -214,21 +193,8 @@ class LoopNode(NodeHooks):
         """End the run because it is to end, not for a fault; see `Run.stop`."""
         self.run.stop(reason, by_peer=by_peer)
 
-    def await_acknowledgements(self, has_time: Callable[[], bool]) -> None:
-        """
-        Wait until every reader has what was published.
-
-        Parameters
-        ----------
-        has_time : callable
-            Whether to go on waiting for a reader, which may be dead; asked ten times a second.
-
-        """
-        writers = self.writers.values()
-        for publisher in [
-            *(publisher for writer in writers for publisher in writer.publishers),
-            *self.own_publishers, self.status.publisher,
-        ]:
-            # Once at least: a reader that has everything already is not waited for.
-            while not publisher.wait_for_all_acked(_ACKNOWLEDGE) and has_time():
-                pass
+    @property
+    def publishers_of_run(self) -> list[Publisher]:
+        """What publishes during a run: the streams, what is beside them, and the status."""
+        streams = [each for writer in self.writers.values() for each in writer.publishers]
+        return [*streams, *self.own_publishers, self.status.publisher]

@@ -28,7 +28,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from piezo_ros.model.parameters import CHANGES, ParameterError, ParameterSet, constraint_of
-from piezo_ros.runtime.node.guard import explain
+from piezo_ros.runtime.node.rclpy_node.guard import explain
 
 __all__ = ['declare', 'names_by_change', 'plain', 'read']
 

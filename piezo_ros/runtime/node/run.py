@@ -16,11 +16,11 @@
 
 import traceback
 
-from piezo_ros.runtime.node.guard import explain
 from piezo_ros.runtime.node.hooks import NodeHooks
 from piezo_ros.runtime.node.observation import Monitor
+from piezo_ros.runtime.node.rclpy_node.guard import explain
+from piezo_ros.runtime.node.rclpy_node.stream_node import ServiceRefusedError
 from piezo_ros.runtime.node.status import Status
-from piezo_ros.runtime.node.stream_node import ServiceRefusedError
 from piezo_ros.runtime.streams.endpoints import StreamFault
 
 __all__ = ['Run']

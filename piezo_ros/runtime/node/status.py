@@ -16,6 +16,7 @@
 
 import json
 import time
+import traceback
 from collections.abc import Callable
 
 from std_msgs.msg import String
@@ -73,6 +74,15 @@ class Status:
         if fields['total']:
             fields['progress'] = fields['index'] / fields['total']
         self.publisher.publish(String(data=json.dumps(fields)))
+
+    def report_refusal(self, transition: str, why: Exception | str) -> None:
+        """Say why a transition fails, in log and status; a latched fault stays the reason there."""
+        node, state = self._node, self._node.run_state
+        state.reason = state.fault or str(why)
+        node.get_logger().error(f'cannot {transition}: {why}')
+        if isinstance(why, Exception) and not isinstance(why, (ValueError, OSError)):
+            node.get_logger().error(''.join(traceback.format_exception(why)))
+        self.report()
 
     def report_if_due(self, now_s: float) -> None:
         """Publish the status if the last one is a second old."""

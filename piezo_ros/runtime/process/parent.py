@@ -16,5 +16,5 @@
 
 __all__ = ['PARENT_VARIABLE']
 
-# Names the variable of the environment that holds its process number.
+# Names the variable of the environment that contains its process number.
 PARENT_VARIABLE = 'PIEZO_ROS_PARENT'

@@ -16,7 +16,7 @@
 Blocks that wait are dealt with together: one calculation, and no more messages than needed.
 
 Where the boundaries of blocks are carries no meaning, and a message costs the same, however many
-samples it has: those that have piled up before a stage that is behind go on as one.
+samples it has: those that have piled up before a node that is behind go on as one.
 """
 
 from collections.abc import Callable, Sequence
@@ -39,7 +39,7 @@ __all__ = [
 # How long a node without a block sleeps: yielding alone takes time from the node that has one.
 NAP_S: Final = 0.0002
 BURST_BLOCKS: Final = 16  # handled at once; meanwhile a request to stop the run waits
-MOST_JOINED: Final = 7500  # samples: what one datagram can hold
+MOST_JOINED: Final = 7500  # samples: what fits into one datagram
 
 _Samples = NDArray[np.float64]
 

@@ -42,7 +42,7 @@ def test_the_demonstration_is_one_cell_of_table_4_under_three_schemes(config):
     assert all(run.plant.slew_limit_v_per_s > 0 for run in plan.runs)
 
 
-def test_every_parameter_of_every_stage_is_filled_in(write_plan):
+def test_every_parameter_of_every_node_is_filled_in(write_plan):
     (run,) = read_plan(write_plan()).runs
     for node in LOOP_NODES:
         names = {name for each in NODE_PARAMETERS[node] for name in each().to_mapping()}
@@ -91,7 +91,7 @@ def test_a_list_of_a_node_stays_a_list(write_plan):
     assert plan.runs[0].plant.kappa_um_per_v == (5.0, 1.3)
 
 
-def test_one_sample_period_reaches_every_stage(write_plan):
+def test_one_sample_period_reaches_every_node(write_plan):
     (run,) = read_plan(write_plan(sample_period_s=2e-5)).runs
     assert {run.parameters[node]['sample_period_s'] for node in LOOP_NODES} == {2e-5}
 

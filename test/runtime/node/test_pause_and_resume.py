@@ -19,7 +19,7 @@ import random
 
 import pytest
 
-STAGES = ('compensator', 'controller', 'plant', 'trajectory')
+NODES = ('compensator', 'controller', 'plant', 'trajectory')
 OVER = ('finished', 'faulted', 'stopped')
 SAMPLES = 1667  # of five periods of 300 Hz
 
@@ -31,9 +31,9 @@ def managed(rig, peer):
         words = ['-p', 'autostart:=false', '-p', 'linger_s:=-1.0', '-p', 'periods:=5.0',
                  '-p', f'scheme:={scheme}', '-p', 'handshake_timeout_s:=60.0']
         processes = [
-            rig.start_node(name, *words) for name in (('loop',) if composed else STAGES)]
-        for stage in STAGES:
-            assert peer.change_state(stage, 'configure')
+            rig.start_node(name, *words) for name in (('loop',) if composed else NODES)]
+        for node in NODES:
+            assert peer.change_state(node, 'configure')
         return processes
 
     return start
@@ -42,24 +42,24 @@ def managed(rig, peer):
 def _cycle(peer, orders):
     """Activate, pause at some moment of the run, resume, run to the end."""
     for transition in ('activate', 'deactivate'):
-        for stage in next(orders):
-            assert peer.change_state(stage, transition), peer.status(stage)
-    for stage in STAGES:
-        peer.forget(stage)
-    for stage in next(orders):
-        assert peer.change_state(stage, 'activate'), peer.status(stage)
-    for stage in STAGES:
-        peer.wait(lambda stage=stage: peer.status(stage).get('state') in OVER, f'the end: {stage}')
-    assert {stage: (peer.status(stage)['state'], peer.status(stage)['reason'])
-            for stage in STAGES} == dict.fromkeys(STAGES, ('finished', ''))
+        for node in next(orders):
+            assert peer.change_state(node, transition), peer.status(node)
+    for node in NODES:
+        peer.forget(node)
+    for node in next(orders):
+        assert peer.change_state(node, 'activate'), peer.status(node)
+    for node in NODES:
+        peer.wait(lambda node=node: peer.status(node).get('state') in OVER, f'the end: {node}')
+    assert {node: (peer.status(node)['state'], peer.status(node)['reason'])
+            for node in NODES} == dict.fromkeys(NODES, ('finished', ''))
     assert peer.status('plant')['index'] == SAMPLES + 1  # with the opening reading
-    for stage in next(orders):
-        assert peer.change_state(stage, 'deactivate')
+    for node in next(orders):
+        assert peer.change_state(node, 'deactivate')
 
 
 def _cycles(peer, processes, number, seed):
     draw = random.Random(seed)
-    orders = (draw.sample(STAGES, len(STAGES)) for _ in itertools.count())
+    orders = (draw.sample(NODES, len(NODES)) for _ in itertools.count())
     for _ in range(number):
         _cycle(peer, orders)
     for process in processes:

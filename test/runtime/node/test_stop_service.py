@@ -17,7 +17,7 @@
 import pytest
 from std_srvs.srv import Trigger
 
-STAGES = ('trajectory', 'controller', 'compensator', 'plant')
+NODES = ('trajectory', 'controller', 'compensator', 'plant')
 
 
 @pytest.mark.parametrize(('stopped', 'states'), [
@@ -35,11 +35,11 @@ def test_one_stopped_node_ends_the_whole_loop(rig, peer, stopped, states):
     peer.wait(lambda: peer.status('plant').get('index', 0) > 100, 'samples')
     answer = peer.call(Trigger, f'{stopped}/stop', Trigger.Request())
     assert (answer.success, answer.message) == (True, 'stopped: asked to by ~/stop')
-    for stage, state in zip(STAGES, states, strict=True):
-        status = peer.wait_for_status(stage, state=state)
+    for node, state in zip(NODES, states, strict=True):
+        status = peer.wait_for_status(node, state=state)
         if state == 'stopped':
-            assert status['by_peer'] == (stage != stopped)
-        if stage == 'trajectory' and stage != stopped:
+            assert status['by_peer'] == (node != stopped)
+        if node == 'trajectory' and node != stopped:
             assert status['reason'] == 'no more samples are demanded'
     assert peer.wait_for_status('plant')['voltage_v'] == 0.0
     # It was asked for: no fault.

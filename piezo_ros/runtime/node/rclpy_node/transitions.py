@@ -28,7 +28,7 @@ from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.lifecycle import LifecycleNode
 from rclpy.service import Service
 
-from piezo_ros.runtime.node.guard import guarded_service
+from piezo_ros.runtime.node.rclpy_node.guard import guarded_service
 
 __all__ = ['TransitionServer']
 
@@ -50,7 +50,7 @@ class TransitionServer:
     service : Service
         What is served here.
     lock : threading.Lock
-        Held during a transition; code that leads the node through one takes it.
+        Taken during a transition; code that leads the node through one takes it.
 
     """
 

@@ -23,9 +23,9 @@ from typing import Any
 from rclpy.parameter import parameter_value_to_python
 from rclpy.parameter_client import AsyncParameterClient
 
-from piezo_ros.runtime.node.guard import guarded
 from piezo_ros.runtime.node.loop_node import LoopNode
 from piezo_ros.runtime.node.parameters import plain
+from piezo_ros.runtime.node.rclpy_node.guard import guarded
 
 __all__ = ['PeerParameters']
 
@@ -67,7 +67,7 @@ class PeerParameters:
 
     @property
     def owing(self) -> list[str]:
-        """The nodes that could answer and have not: they are held up."""
+        """The nodes that could answer and have not: they are delayed."""
         return [
             name for name in self.silent
             if name in self._clients and self._clients[name].services_are_ready()]

@@ -14,7 +14,7 @@
 
 """The schedule of a paced run; its clock is an argument."""
 
-from piezo_ros.nodes.pace import Pace
+from piezo_ros.nodes.plant_parts.pace import Pace
 
 
 def test_answers_are_due_one_period_after_each_other_whenever_the_question_came():

@@ -15,9 +15,9 @@
 """
 A managed node that three threads serve: its streams, its transitions, and all the rest.
 
-The stream loop serves the streams, `piezo_ros.runtime.node.transitions` the lifecycle, an executor
-everything else; streams and lifecycle are hidden from it. What the other two want of a running node
-is done by the stream loop between two samples.
+The stream loop serves the streams, `TransitionServer` the lifecycle, an executor everything else;
+streams and lifecycle are hidden from it. What the other two want of a running node is done by the
+stream loop between two samples.
 """
 
 import threading
@@ -35,9 +35,10 @@ from rclpy.service import Service
 from rclpy.subscription import Subscription
 from std_srvs.srv import Trigger
 
-from piezo_ros.runtime.node.guard import explain, guard_services
-from piezo_ros.runtime.node.hidden_subscriptions import NodeWithHiddenSubscriptions
-from piezo_ros.runtime.node.transitions import TransitionServer
+from piezo_ros.runtime.node.rclpy_node.guard import explain, guard_services
+from piezo_ros.runtime.node.rclpy_node.hidden_subscriptions import NodeWithHiddenSubscriptions
+from piezo_ros.runtime.node.rclpy_node.thread_request import ThreadRequest
+from piezo_ros.runtime.node.rclpy_node.transitions import TransitionServer
 from piezo_ros.runtime.streams.qos import OVERRIDES, overridable
 
 __all__ = ['ServiceRefusedError', 'StreamNode']
@@ -72,7 +73,7 @@ class StreamNode(NodeWithHiddenSubscriptions, LifecycleNode):
         guard_services(self)
         self.wake: Callable[[], None] = lambda: None  # the stream loop, when nothing is running
         self._thread = threading.get_ident()
-        self._requests: deque[_Request] = deque()
+        self._requests: deque[ThreadRequest] = deque()
 
     # -- between the threads ----------------------------------------------------------------------
 
@@ -86,23 +87,19 @@ class StreamNode(NodeWithHiddenSubscriptions, LifecycleNode):
         if self.is_stream_loop:
             action()
             return
-        request = _Request(action)
+        request = ThreadRequest(action)
         self._requests.append(request)
         self.wake()
-        request.done.wait()
-        if request.error is not None:
-            raise request.error
+        request.wait()
 
     def in_executor(self, action: Callable[[], None]) -> None:
         """Let the executor run an action between two callbacks, and wait for it."""
         if self.executor is None:
             action()
             return
-        request = _Request(action)
+        request = ThreadRequest(action)
         self.executor.create_task(request.serve)
-        request.done.wait(_EXECUTOR_S)
-        if request.error is not None:
-            raise request.error
+        request.wait(_EXECUTOR_S)
 
     def serve_request(self) -> None:
         """Do what other threads want done between two samples, if anything."""
@@ -201,21 +198,3 @@ class StreamNode(NodeWithHiddenSubscriptions, LifecycleNode):
             return response
 
         self.create_service(Trigger, f'~/{name}', serve)
-
-
-class _Request:
-    """An action that one thread wants done by another; its exception goes back."""
-
-    def __init__(self, action: Callable[[], None]) -> None:
-        self._action = action
-        self.done = threading.Event()
-        self.error: Exception | None = None
-
-    def serve(self) -> None:
-        try:
-            self._action()
-        except Exception as error:
-            self.error = error
-        finally:
-            self.done.set()
-

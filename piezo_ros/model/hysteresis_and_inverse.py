@@ -12,18 +12,29 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The Maxwell resistive capacitor as an operator over arrays, by the steps of `hysteresis`."""
+"""
+The MRC hysteresis and its inverse: over arrays, and the inverse as the element that compensates.
 
-from collections.abc import Sequence
+Both do the steps of `piezo_ros.model.hysteresis`, which begins with the equations.
+"""
+
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from piezo_ros import paper
-from piezo_ros.model.hysteresis import HysteresisParameters, hysteresis_constants, hysteresis_state
+from piezo_ros.model.hysteresis import (
+    HysteresisParameters,
+    hysteresis_constants,
+    hysteresis_state,
+    inverse_step,
+)
+from piezo_ros.model.packing import packed_inverse, unpacked_inverse
+from piezo_ros.model.step import step
 
-__all__ = ['MaxwellResistiveCapacitor']
+__all__ = ['InverseHysteresis', 'MaxwellResistiveCapacitor']
 
 
 class MaxwellResistiveCapacitor:
@@ -163,3 +174,65 @@ class MaxwellResistiveCapacitor:
                 f'state is {play}: plays {gap_um:g} um out of reach of each other belong to no '
                 'state of this operator')
         return play
+
+
+class InverseHysteresis:
+    """
+    The compensator of (5) in Liu 2015: the exact inverse of an MRC model, of a virgin stage.
+
+    Parameters
+    ----------
+    parameters : HysteresisParameters
+        The hysteresis to invert.
+    compiled : bool, optional
+        Whether to compute in compiled code: quicker for each sample, a second more to start. The
+        bits are the same.
+
+    """
+
+    def __init__(self, parameters: HysteresisParameters, *, compiled: bool = True) -> None:
+        self.is_compiled = compiled
+        self._constants = hysteresis_constants(parameters)
+        self._state = hysteresis_state([0.0] * len(self._constants.width_um))
+        self.memory = np.empty(0)
+        self._kernel: Callable[..., None] | None = None
+        if compiled:
+            from piezo_ros.model.kernels import inverse_packed_array
+            self._kernel = inverse_packed_array
+            self.memory = packed_inverse(self._state, self._constants)
+
+    @property
+    def sample_step(self) -> Callable[..., float]:
+        """One sample in compiled code: memory, nothing beside it, k, v[k]."""
+        return _sample
+
+    def answer(self, index: int, command_um: NDArray[np.float64]) -> NDArray[np.float64]:
+        """
+        Return the voltages of commands.
+
+        Parameters
+        ----------
+        index : int
+            k of the first command; the inverse does not depend on it.
+        command_um : ndarray of float64, shape (N,)
+            v[k] … v[k+N-1], the linearised commands, finite.
+
+        Returns
+        -------
+        ndarray of float64, shape (N,)
+            u[k] … u[k+N-1], volts.
+
+        """
+        if self._kernel:
+            voltage_v = np.empty(command_um.size)
+            self._kernel(self.memory, command_um, voltage_v)
+            return voltage_v
+        state, constants = self._state, self._constants
+        return np.array([
+            inverse_step(state, constants, command) for command in command_um.tolist()])
+
+
+@step
+def _sample(memory: Any, nothing: Any, at: int, k: int, command_um: float) -> float:
+    state, constants = unpacked_inverse(memory)
+    return inverse_step(state, constants, command_um)

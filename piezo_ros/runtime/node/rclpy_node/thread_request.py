@@ -1,0 +1,52 @@
+# Copyright 2026 piezo_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""An action that one thread wants done by another."""
+
+import threading
+from collections.abc import Callable
+
+__all__ = ['ThreadRequest']
+
+
+class ThreadRequest:
+    """
+    Hands an action to another thread, and what it raises back.
+
+    Parameters
+    ----------
+    action : callable
+        What is to be done.
+
+    """
+
+    def __init__(self, action: Callable[[], None]) -> None:
+        self._action = action
+        self._done = threading.Event()
+        self._error: Exception | None = None
+
+    def serve(self) -> None:
+        """Do the action, in the thread that it is meant for."""
+        try:
+            self._action()
+        except Exception as error:
+            self._error = error
+        finally:
+            self._done.set()
+
+    def wait(self, timeout_s: float | None = None) -> None:
+        """Wait in the other thread until it is done, at most so long; raise what it has raised."""
+        self._done.wait(timeout_s)
+        if self._error is not None:
+            raise self._error
