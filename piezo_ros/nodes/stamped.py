@@ -35,10 +35,10 @@ from piezo_ros.runtime.node.guard import explain, guard_services
 from piezo_ros.runtime.node.hidden_subscriptions import NodeWithHiddenSubscriptions
 from piezo_ros.runtime.node.observation import newest_topic
 from piezo_ros.runtime.node.parameters import declare, read
-from piezo_ros.runtime.node.steady_timer import SteadyTimer
 from piezo_ros.runtime.process.distribution import make_events_executor, name_of_distribution
 from piezo_ros.runtime.process.leaving import exit_after
 from piezo_ros.runtime.process.middleware import set_middleware_defaults
+from piezo_ros.runtime.process.steady_timer import SteadyTimer
 from piezo_ros.runtime.process.stop_request import StopRequest
 from piezo_ros.runtime.streams.qos import NEWEST, overridable
 from piezo_ros.streams import MalformedBlockError, block_from_message_fields
