@@ -35,7 +35,7 @@ from piezo_ros.runtime.node.observation import newest_topic
 from piezo_ros.runtime.node.parameters import declare, read
 from piezo_ros.runtime.node.rclpy_node.guard import guard_services
 from piezo_ros.runtime.node.rclpy_node.hidden_subscriptions import NodeWithHiddenSubscriptions
-from piezo_ros.runtime.node.steady_timer import SteadyTimer
+from piezo_ros.runtime.process.steady_timer import SteadyTimer
 from piezo_ros.runtime.streams.qos import NEWEST, overridable
 from piezo_ros.streams import MalformedBlockError
 

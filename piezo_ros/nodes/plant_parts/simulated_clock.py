@@ -19,7 +19,7 @@ from collections.abc import Callable
 from rosgraph_msgs.msg import Clock
 
 from piezo_ros.runtime.node.loop_node import LoopNode
-from piezo_ros.runtime.node.steady_timer import SteadyTimer
+from piezo_ros.runtime.process.steady_timer import SteadyTimer
 from piezo_ros.runtime.streams.qos import CLOCK
 
 __all__ = ['SimulatedClock']

@@ -22,7 +22,7 @@ from rclpy.publisher import Publisher
 from std_msgs.msg import Float64, Float64MultiArray
 
 from piezo_ros.runtime.node.hooks import NodeHooks
-from piezo_ros.runtime.node.steady_timer import SteadyTimer
+from piezo_ros.runtime.process.steady_timer import SteadyTimer
 from piezo_ros.runtime.streams.qos import DIAGNOSTICS, NEWEST
 
 __all__ = ['Diagnostics', 'Monitor', 'newest_topic']
