@@ -32,7 +32,8 @@ from piezo_ros.parameters.node_parameters import DemandParameters
 from piezo_ros.runtime.node.loop_node import LoopNode
 from piezo_ros.runtime.node.parameters import read
 from piezo_ros.runtime.streams.bursts import BURST_BLOCKS, MOST_JOINED
-from piezo_ros.runtime.streams.endpoints import StreamFault, StreamReader
+from piezo_ros.runtime.streams.fault import StreamFault
+from piezo_ros.runtime.streams.reader import StreamReader
 
 if TYPE_CHECKING:
     from piezo_ros.runtime.node.relay import Relay

@@ -22,7 +22,7 @@ from std_msgs.msg import UInt64
 
 from piezo_ros.runtime.node.loop_node import LoopNode
 from piezo_ros.runtime.process.running_time import RunningTime
-from piezo_ros.runtime.streams.endpoints import StreamFault
+from piezo_ros.runtime.streams.fault import StreamFault
 from piezo_ros.runtime.streams.qos import LATCHED
 
 __all__ = ['NO_MORE', 'DemandReader', 'DemandWriter']

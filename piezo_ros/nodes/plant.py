@@ -37,7 +37,8 @@ from piezo_ros.runtime.node.parameters import read
 from piezo_ros.runtime.node.stream_node import ServiceRefusedError
 from piezo_ros.runtime.process.running_time import RunningTime
 from piezo_ros.runtime.streams.bursts import publish_blocks
-from piezo_ros.runtime.streams.endpoints import StreamFault, StreamReader
+from piezo_ros.runtime.streams.fault import StreamFault
+from piezo_ros.runtime.streams.reader import StreamReader
 
 __all__ = ['Plant']
 

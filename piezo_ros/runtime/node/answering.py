@@ -21,7 +21,8 @@ from numpy.typing import NDArray
 
 from piezo_ros.runtime.node.loop_node import LoopNode
 from piezo_ros.runtime.streams.bursts import answer_taken, answer_waiting
-from piezo_ros.runtime.streams.endpoints import StreamReader, StreamWriter
+from piezo_ros.runtime.streams.reader import StreamReader
+from piezo_ros.runtime.streams.writer import StreamWriter
 
 if TYPE_CHECKING:
     from piezo_ros.runtime.node.relay import Relay, RelayedElement

@@ -34,7 +34,7 @@ from piezo_ros.runtime.node.observation import Diagnostics, Monitor
 from piezo_ros.runtime.node.run import Run
 from piezo_ros.runtime.node.status import Status
 from piezo_ros.runtime.process.running_time import RunningTime
-from piezo_ros.runtime.streams.endpoints import StreamWriter
+from piezo_ros.runtime.streams.writer import StreamWriter
 
 __all__ = ['LoopNode']
 

@@ -33,7 +33,8 @@ from std_msgs.msg import Float64MultiArray
 from piezo_ros.model.compiled import brief_kernel
 from piezo_ros.model.step import step
 from piezo_ros.runtime.node.loop_node import LoopNode
-from piezo_ros.runtime.streams.endpoints import StreamReader, StreamWriter
+from piezo_ros.runtime.streams.reader import StreamReader
+from piezo_ros.runtime.streams.writer import StreamWriter
 
 __all__ = ['Relay', 'RelayedElement']
 
