@@ -15,6 +15,7 @@
 """Decoding of the messages of one stream, in any encoding that a middleware delivers."""
 
 import numpy as np
+from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.serialization import deserialize_message
 from std_msgs.msg import Float64MultiArray
 
@@ -57,9 +58,12 @@ class MessageDecoder:
         """Return the block of a message; raises MalformedBlockError if it is no valid one."""
         try:
             return self._codec.decode_array(raw)
-        except OtherEncodingError:
+        except OtherEncodingError as other:
             # Some middleware writes another encoding; rclpy knows how to read it.
-            message = deserialize_message(raw, Float64MultiArray)
+            try:
+                message = deserialize_message(raw, Float64MultiArray)
+            except _rclpy.RMWError:
+                raise MalformedBlockError(str(other)) from None
             if len(message.layout.dim) != 1:
                 raise MalformedBlockError(
                     f'layout.dim has {len(message.layout.dim)} entries, a block has exactly 1'
