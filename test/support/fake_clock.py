@@ -24,9 +24,17 @@ class FakeClock:
 
     def __init__(self):
         self.now_s = 100.0
+        self._planned = []
 
     def advance(self, duration_s):
         self.now_s += duration_s
+        while self._planned and self._planned[0][0] <= self.now_s:
+            self._planned.pop(0)[1]()
+
+    def plan(self, after_s, action):
+        """Call a function once so much time has passed."""
+        self._planned.append((self.now_s + after_s, action))
+        self._planned.sort(key=lambda planned: planned[0])
 
     def run(self, duration_s, look, step_s=0.1):
         """Advance in steps and call a function after each; return what it has returned last."""
