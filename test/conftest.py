@@ -35,8 +35,8 @@ WITHOUT_ROS = importlib.util.find_spec('rclpy') is None
 collect_ignore = [
     'contract', 'live', 'nodes', 'runtime', 'cli/test_run_live.py'] if WITHOUT_ROS else []
 
-# In test/support: the fixtures of tests that start processes.
-pytest_plugins = ['processes']
+# In test/support: fixtures of tests that start processes, and of tests on a fake clock.
+pytest_plugins = ['fake_clock', 'processes']
 
 
 def pytest_report_header():

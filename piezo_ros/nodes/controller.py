@@ -33,7 +33,7 @@ from piezo_ros.nodes.demand import DemandWriter
 from piezo_ros.parameters.node_parameters import DemandParameters
 from piezo_ros.runtime.node.loop_node import LoopNode
 from piezo_ros.runtime.node.parameters import read
-from piezo_ros.runtime.streams.endpoints import StreamReader
+from piezo_ros.runtime.streams.reader import StreamReader
 
 __all__ = ['Controller']
 

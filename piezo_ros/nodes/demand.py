@@ -24,8 +24,9 @@ from std_msgs.msg import UInt64
 
 from piezo_ros.runtime.node.loop_node import LoopNode
 from piezo_ros.runtime.process.running_time import RunningTime
-from piezo_ros.runtime.streams.endpoints import StreamFault, StreamReader
+from piezo_ros.runtime.streams.fault import StreamFault
 from piezo_ros.runtime.streams.qos import LATCHED
+from piezo_ros.runtime.streams.reader import StreamReader
 
 __all__ = ['NO_MORE', 'DemandReader', 'DemandWriter']
 

@@ -37,7 +37,7 @@ from piezo_ros.runtime.node.answering import AnsweringNode
 from piezo_ros.runtime.node.parameters import read
 from piezo_ros.runtime.node.rclpy_node.stream_node import ServiceRefusedError
 from piezo_ros.runtime.streams.bursts import publish_blocks
-from piezo_ros.runtime.streams.endpoints import StreamReader
+from piezo_ros.runtime.streams.reader import StreamReader
 
 __all__ = ['Plant']
 

@@ -27,7 +27,7 @@ from piezo_ros.parameters.node_parameters import RecorderParameters
 from piezo_ros.runtime.node.loop_node import LoopNode
 from piezo_ros.runtime.node.parameters import read
 from piezo_ros.runtime.process.running_time import RunningTime
-from piezo_ros.runtime.streams.endpoints import StreamFault
+from piezo_ros.runtime.streams.fault import StreamFault
 from piezo_ros.runtime.streams.stream_copy import copy_topic
 
 __all__ = ['Recorder']

@@ -27,7 +27,8 @@ from piezo_ros.nodes.controller_parts.input_alignment import (
     recall_displacement,
 )
 from piezo_ros.runtime.streams.bursts import BURST_BLOCKS, MOST_JOINED
-from piezo_ros.runtime.streams.endpoints import StreamReader, StreamWriter
+from piezo_ros.runtime.streams.reader import StreamReader
+from piezo_ros.runtime.streams.writer import StreamWriter
 
 __all__ = ['ControllerInputs']
 

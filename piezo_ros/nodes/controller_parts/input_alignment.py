@@ -21,7 +21,8 @@ Each function is called until it has what it waits for.
 from collections.abc import Sequence
 
 from piezo_ros.control.control_law import ControlLaw
-from piezo_ros.runtime.streams.endpoints import StreamFault, StreamReader
+from piezo_ros.runtime.streams.fault import StreamFault
+from piezo_ros.runtime.streams.reader import StreamReader
 
 __all__ = ['begin_feedforward', 'join_streams', 'recall_displacement', 'unfed_topic']
 

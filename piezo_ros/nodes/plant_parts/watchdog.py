@@ -15,7 +15,8 @@
 """The watchdog of the plant: a voltage that stays away ends the run."""
 
 from piezo_ros.runtime.process.running_time import RunningTime
-from piezo_ros.runtime.streams.endpoints import StreamFault, StreamReader
+from piezo_ros.runtime.streams.fault import StreamFault
+from piezo_ros.runtime.streams.reader import StreamReader
 
 __all__ = ['Watchdog']
 

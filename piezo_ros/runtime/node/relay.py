@@ -30,7 +30,8 @@ from numpy.typing import NDArray
 from std_msgs.msg import Float64MultiArray
 
 from piezo_ros.runtime.node.hooks import NodeHooks
-from piezo_ros.runtime.streams.endpoints import StreamReader, StreamWriter
+from piezo_ros.runtime.streams.reader import StreamReader
+from piezo_ros.runtime.streams.writer import StreamWriter
 
 __all__ = ['Relay', 'RelayedElement']
 

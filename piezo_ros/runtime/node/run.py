@@ -21,7 +21,7 @@ from piezo_ros.runtime.node.observation import Monitor
 from piezo_ros.runtime.node.rclpy_node.guard import explain
 from piezo_ros.runtime.node.rclpy_node.stream_node import ServiceRefusedError
 from piezo_ros.runtime.node.status import Status
-from piezo_ros.runtime.streams.endpoints import StreamFault
+from piezo_ros.runtime.streams.fault import StreamFault
 
 __all__ = ['Run']
 

@@ -25,7 +25,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from piezo_ros.runtime.streams.endpoints import StreamFault, StreamReader, StreamWriter
+from piezo_ros.runtime.streams.fault import StreamFault
+from piezo_ros.runtime.streams.reader import StreamReader
+from piezo_ros.runtime.streams.writer import StreamWriter
 
 __all__ = [
     'BURST_BLOCKS',

@@ -13,192 +13,43 @@
 # limitations under the License.
 
 """
-Endpoints of the block streams: raw CDR in and out, checked for order.
+The reader of a block stream: checks the order of its messages and hands out their samples.
 
-The subscriptions are taken from directly, not through an executor; see docs/architecture.md for
-what that gains.
+The messages are taken from the subscription directly, not through an executor; see
+docs/architecture.md for what that gains.
 """
 
 import math
 import struct
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from rclpy.publisher import Publisher
-from rclpy.serialization import deserialize_message
+from rclpy.subscription import Subscription
 from std_msgs.msg import Float64MultiArray
 
 from piezo_ros.runtime.process.running_time import RunningTime
-from piezo_ros.runtime.streams.outlet import Outlet
+from piezo_ros.runtime.streams.fault import StreamFault
+from piezo_ros.runtime.streams.message_decoder import MessageDecoder
 from piezo_ros.runtime.streams.owner import StreamOwner
 from piezo_ros.runtime.streams.qos import STREAM
 from piezo_ros.runtime.streams.run_fence import RunFence
 from piezo_ros.runtime.streams.sample_queue import SampleQueue
-from piezo_ros.runtime.streams.stream_copy import StreamCopy
-from piezo_ros.streams import (
-    ArrayBlock,
-    BlockCodec,
-    MalformedBlockError,
-    OtherEncodingError,
-    block_from_message_fields,
-)
+from piezo_ros.streams import BlockCodec, MalformedBlockError
 
-__all__ = ['StreamFault', 'StreamReader', 'StreamWriter']
+__all__ = ['StreamReader']
 
 _isfinite = math.isfinite
 _unpack_pair = struct.Struct('<2d').unpack_from
-_unpack_number = struct.Struct('<d').unpack_from
 _WARN_S = 2.0  # a warning of one kind at most this often
-_KEPT_LENGTHS = 16  # of blocks, for which is kept what is the same in all
-_LONGEST_KEPT = 10_000  # samples
-
-
-class StreamFault(Exception):
-    """A stream that cannot go on; the text names the topic and what is wrong."""
-
-
-class StreamWriter:
-    """
-    Publisher of one stream, sample by sample or in blocks.
-
-    Parameters
-    ----------
-    node : StreamOwner
-        The node that publishes.
-    stream : str
-        The stream.
-    copy_samples : int
-        Largest block of a copy for a recorder, see `stream_copy`; 0 for none.
-
-    Attributes
-    ----------
-    next_index : int
-        Index of the next sample.
-
-    """
-
-    def __init__(self, node: StreamOwner, stream: str, copy_samples: int = 0) -> None:
-        self.stream = stream
-        self.outlet = Outlet(node, stream)
-        self.publisher = self.outlet.publisher
-        self.copy = StreamCopy(node, stream, copy_samples) if copy_samples else None
-        self.next_index = 0
-        self._codec = BlockCodec(stream)
-        # A block of one sample is written over the one before: no bytes are put together for it.
-        head, numbers = self._codec.single
-        self.message = bytearray(head) + bytes(numbers.size)
-        self._write_numbers = partial(numbers.pack_into, self.message, len(head))
-        # A longer block likewise, over the last one of its length.
-        self._blocks: dict[int, tuple[bytearray, NDArray[np.float64]]] = {}
-        self._period_s = 0.0
-        self._first = 0
-        self._ended = False
-
-    def start(self, index: int, sample_period_s: float) -> None:
-        """Begin a run at an index."""
-        self._period_s = sample_period_s
-        self._begin(index)
-        self._ended = False
-        self._write_numbers(index, sample_period_s, 0.0)
-
-    def _begin(self, index: int) -> None:
-        self._first = self.next_index = index
-        if self.copy:
-            self.copy.start(index, self._period_s)
-
-    @property
-    def publishers(self) -> list[Publisher]:
-        """What publishes: the stream, and its copy where there is one."""
-        return [outlet.publisher for outlet in self._outlets]
-
-    @property
-    def _outlets(self) -> list[Outlet]:
-        return [self.outlet, self.copy.outlet] if self.copy else [self.outlet]
-
-    def count_readers(self) -> int:
-        """Return the number of readers of the stream or its copy that lose nothing."""
-        return sum(outlet.count_readers() for outlet in self._outlets)
-
-    @property
-    def is_waiting(self) -> bool:
-        """Whether a reader does not take at present."""
-        return self.outlet.is_waiting or bool(self.copy and self.copy.outlet.is_waiting)
-
-    @property
-    def newest(self) -> float:
-        """The newest sample, 0 before the first."""
-        return _unpack_number(self.message, len(self.message) - 8)[0]  # type: ignore[no-any-return]
-
-    @property
-    def sent(self) -> int:
-        """Number of samples of this run."""
-        return self.next_index - self._first
-
-    def begin_at(self, index: int) -> None:
-        """Begin at another index, unless something is sent already."""
-        if not self.sent:
-            self._begin(index)
-
-    def publish_one(self, value: float) -> None:
-        """Publish the next sample."""
-        index = self.next_index
-        self._write_numbers(index, self._period_s, value)
-        self.outlet.publish(self.message, index)
-        self.next_index = index + 1
-        copy = self.copy
-        if copy:
-            copy.recent[index % copy.recent.size] = value
-            if index + 1 == copy.due:
-                copy.flush(index + 1)
-
-    def publish(self, values: Sequence[float] | NDArray[np.float64]) -> None:
-        """Publish the next samples, at least one, as one block."""
-        count, index = len(values), self.next_index
-        if count == 1:
-            self.publish_one(float(values[0]))
-            return
-        raw, numbers = self._blocks.get(count) or self._new_block(count)
-        numbers[0], numbers[1] = index, self._period_s
-        numbers[2:] = values
-        self.outlet.publish(raw, index)
-        if self.copy:
-            self.copy.pass_on(raw, index, count)
-        self.next_index = index + count
-        self._write_numbers(index + count - 1, self._period_s, values[-1])
-
-    def _new_block(self, count: int) -> tuple[bytearray, NDArray[np.float64]]:
-        """Make room for the messages of a length, once and for all unless they are large."""
-        head = self._codec.header(count)[0]
-        raw = bytearray(head) + bytes(8 * (count + 2))
-        block = raw, np.frombuffer(raw, '<f8', -1, len(head))
-        if count <= _LONGEST_KEPT:
-            if len(self._blocks) >= _KEPT_LENGTHS:
-                self._blocks.clear()
-            self._blocks[count] = block
-        return block
-
-    def flush(self) -> None:
-        """Send what the copy has collected."""
-        if self.copy:
-            self.copy.flush(self.next_index)
-
-    def end(self) -> None:
-        """Publish the end of the stream, once."""
-        if not self._ended:
-            self._ended = True
-            raw = self._codec.encode(self.next_index, self._period_s, [])
-            self.outlet.publish(raw, self.next_index)
-            if self.copy:
-                self.copy.pass_on(raw, self.next_index, 0)
 
 
 class StreamReader:
     """
-    Subscription of one stream; hands out blocks in order, counts what it refuses.
+    Subscription of one stream: takes its blocks in order, counts those that it refuses.
 
     Parameters
     ----------
@@ -213,6 +64,16 @@ class StreamReader:
     ----------
     next_index : int
         Index of the next sample.
+    ended : bool
+        Whether the end marker of the run was taken.
+    refused, gaps : int
+        Number of refused messages and of gaps in this run.
+    queue : SampleQueue
+        Samples that were taken and wait to be used, see `fill`.
+    raw : bytes
+        The newest message, empty where there was none.
+    held : deque of bytes
+        Messages of this run that came before it began here; they are taken first.
 
     """
 
@@ -225,25 +86,25 @@ class StreamReader:
         self.gaps = 0
         self.next_index = 0
         self.ended = False
-        self.raw = b''  # the newest message, nothing where there was none
+        self.raw = b''
         self._node = node
         self._codec = BlockCodec(stream)
         self._single_head, numbers = self._codec.single
         self._single_size = len(self._single_head) + numbers.size
         self._unpack_single = struct.Struct(f'<{len(self._single_head)}s3d').unpack
-        self._fence = RunFence(self._take_bytes, self._extent)
-        self.held = self._fence.held  # messages that were taken before the run began
+        self._decoder = MessageDecoder(self._codec)
+        self._heads = self._decoder.heads
+        self._fence = RunFence(partial(_take_bytes, self.subscription), self._decoder.extent)
+        self.held = self._fence.held
         self._take_message: Callable[[Any, bool], Any] = self.subscription.handle.take_message
-        self._is_open = False  # a run has begun whose end has not come
+        self._is_open = False  # between the begin of a run and the next begin or interruption
         self._period_s: float | None = None
         self._fast_period_s = math.nan  # the period while the quick path may be taken, else NaN
-        # Number of bytes -> what such a block begins with, of some that have come.
-        self._heads: dict[int, bytes] = {}
         self._first = 0
         self._any_start = False
         self._warned = 0.0
         self._fault: StreamFault | None = None  # after what is in the queue
-        self._lost: RunningTime | None = None  # since when it has had no writer
+        self._lost: RunningTime | None = None  # time since the last look that found a writer
         self._received_then = 0
 
     def start(self, index: int, sample_period_s: float | None) -> None:
@@ -284,26 +145,18 @@ class StreamReader:
         return self._codec.encode(0, self._period_s or 0.0, [0.0])
 
     def discard_rest(self) -> None:
-        """Throw away what comes of a run that is over here, and not at its writer."""
+        """Throw away the messages of a run that was ended here before its end marker came."""
         self._interrupt()
         self._fence.discard_rest()
 
     def _interrupt(self) -> None:
-        """Tell the fence of a run whose end has not come."""
+        """Tell the fence where the present run stopped, unless its end marker was taken."""
         if self._is_open and not self.ended:
             self._fence.interrupt(self.next_index if self.received else None)
         self._is_open = False
 
-    def _take_bytes(self) -> bytes | None:
-        taken = self.subscription.handle.take_message(Float64MultiArray, True)
-        return None if taken is None else taken[0]
-
-    def _extent(self, raw: bytes) -> tuple[int, int]:
-        index, _, samples = self._decode(raw)
-        return index, samples.size
-
     def _take_held(self, message_type: Any, is_raw: bool) -> Any:
-        """Do what the subscription does, as long as there are messages that came before."""
+        """Take the held messages in place of those of the subscription, until none is left."""
         if self.held:
             return self.held.popleft(), None
         self._take_message = self.subscription.handle.take_message
@@ -311,10 +164,10 @@ class StreamReader:
 
     def take_one(self) -> float | None:
         """
-        Return the next sample where it comes alone (hot path).
+        Return the next sample if the next message holds exactly that one (hot path).
 
-        None is the answer to everything else, which `take_rest` then looks at: no message, several
-        samples, the end, a message that is refused.
+        Everything else gives None and is left to `take_rest`: no message, several samples, the
+        end, a message that is refused.
 
         """
         taken = self._take_message(Float64MultiArray, True)
@@ -334,9 +187,9 @@ class StreamReader:
 
     def take_array(self) -> NDArray[np.float64] | None:
         """
-        Return the samples of the next block, None where there is none (or it was refused).
+        Return the samples of the next block, None if there is no block or it was refused.
 
-        No samples at all are the end of the stream.
+        An empty array is the end of the stream.
 
         Raises
         ------
@@ -354,7 +207,7 @@ class StreamReader:
         return taken is not None
 
     def take_rest(self) -> NDArray[np.float64] | None:
-        """Do what `take_array` does with the message that was taken before."""
+        """Return what `take_array` returns, for the message that was taken before."""
         raw = self.raw
         head = self._heads.get(len(raw))
         if head is not None and raw.startswith(head):
@@ -370,9 +223,9 @@ class StreamReader:
         return self._take_any(raw)
 
     def _take_any(self, raw: bytes) -> NDArray[np.float64] | None:
-        """Look closely at a message, whatever it is."""
+        """Decode and check a message of any kind."""
         try:
-            index, period_s, samples = self._decode(raw)
+            index, period_s, samples = self._decoder.decode(raw)
         except MalformedBlockError as error:
             self._refuse(str(error))
             return None
@@ -382,36 +235,11 @@ class StreamReader:
         if samples.size:
             self.next_index += samples.size
             self._fast_period_s = period_s
-            if len(raw) not in self._heads:
-                self._remember_head(len(raw), samples.size)
+            self._decoder.remember_head(len(raw), samples.size)
         else:
             self.ended = True
             self._fast_period_s = math.nan
         return samples
-
-    def _remember_head(self, length: int, samples: int) -> None:
-        if samples > _LONGEST_KEPT:
-            return  # its dot product would wake the threads of the linear algebra
-        if len(self._heads) >= _KEPT_LENGTHS:
-            self._heads.clear()
-        head = self._codec.header(samples)[0]
-        if len(head) + 8 * (samples + 2) == length:
-            self._heads[length] = head
-
-    def _decode(self, raw: bytes) -> ArrayBlock:
-        try:
-            return self._codec.decode_array(raw)
-        except OtherEncodingError:
-            # Some middleware writes another encoding; rclpy knows how to read it.
-            message = deserialize_message(raw, Float64MultiArray)
-            if len(message.layout.dim) != 1:
-                raise MalformedBlockError(
-                    f'layout.dim has {len(message.layout.dim)} entries, a block has exactly 1'
-                ) from None
-            dimension = message.layout.dim[0]
-            return block_from_message_fields(
-                dimension.label, dimension.size, dimension.stride, message.layout.data_offset,
-                np.asarray(message.data))
 
     def fill(self) -> bool:
         """Move one block into the queue; return whether there was one."""
@@ -449,9 +277,9 @@ class StreamReader:
 
     def take_from(self, index: int) -> bool:
         """
-        Take a block, of which only the samples from an index on are of interest.
+        Take a block and queue its samples from an index on; drop older ones from the queue.
 
-        They go into the queue, and older ones out of it. Returns whether there was a block.
+        Returns whether there was a block.
         """
         samples = self.take_array()
         if samples is not None:
@@ -463,11 +291,11 @@ class StreamReader:
 
     @property
     def queue_index(self) -> int:
-        """Index of the first sample that waits in the queue, or of the next to come."""
+        """Index of the first sample in the queue; the next index if the queue is empty."""
         return self.next_index - len(self.queue)
 
     def drop_before(self, index: int) -> None:
-        """Drop the samples of the queue whose index is smaller."""
+        """Drop the samples below an index from the queue."""
         self.queue.drop(max(0, index - self.queue_index))
 
     def check_writer(self, timeout_s: float) -> bool:
@@ -485,7 +313,7 @@ class StreamReader:
             If it has several writers.
 
         """
-        # Who has sent nothing but what was refused was no part of the run.
+        # A writer of refused messages only is no part of the run.
         if self.ended or (self.refused and not self.received):
             return True
         writers = self.subscription.get_publisher_count()
@@ -499,7 +327,7 @@ class StreamReader:
         return self._lost is None or self._lost.elapsed_s() <= timeout_s
 
     def _accept_other(self, index: int, period_s: float, samples: int) -> bool:
-        """Decide on a block that is not simply the next one."""
+        """Return whether to take a block that does not simply follow; raises StreamFault."""
         topic = self.subscription.topic_name
         if not self.received and self._fence.is_rest(index, samples):
             return False
@@ -531,3 +359,8 @@ class StreamReader:
             self._node.get_logger().warning(
                 f'refused a block on {self.subscription.topic_name} ({self.refused} so far): '
                 f'{reason}')
+
+
+def _take_bytes(subscription: Subscription) -> bytes | None:
+    taken = subscription.handle.take_message(Float64MultiArray, True)
+    return None if taken is None else taken[0]

@@ -1,0 +1,150 @@
+# Copyright 2026 piezo_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The demand: it leads what is consumed, grows only, and ends with zero."""
+
+import pytest
+from fake_transport import FakeTransport
+from std_msgs.msg import UInt64
+
+from piezo_ros.nodes.demand import DemandReader, DemandWriter
+from piezo_ros.runtime.streams.fault import StreamFault
+from piezo_ros.runtime.streams.qos import LATCHED
+
+
+@pytest.fixture
+def transport():
+    return FakeTransport()
+
+
+@pytest.fixture
+def writer(transport):
+    return DemandWriter(transport.owner('controller'))
+
+
+@pytest.fixture
+def reader(transport):
+    return DemandReader(transport.owner('trajectory'))
+
+
+@pytest.fixture
+def demanded(transport, writer):
+    """Return the demands that were published since the last call."""
+    subscription = transport.subscribe('demand', LATCHED)
+
+    def take():
+        limits = [message.data for message in subscription.messages]
+        subscription.messages.clear()
+        return limits
+
+    return take
+
+
+def test_it_leads_the_consumed_samples_and_is_renewed_each_half(writer, demanded):
+    writer.start(0, 10)
+    assert demanded() == [10]
+    for consumed in range(5):
+        writer.update(consumed)
+    assert demanded() == []
+    writer.update(5)
+    assert demanded() == [15]
+    writer.update(13)  # a block
+    assert demanded() == [23]
+    writer.update(17)
+    assert demanded() == []
+    writer.update(18)
+    assert demanded() == [28]
+
+
+def test_a_lead_of_one_sample_is_renewed_with_each(writer, demanded):
+    writer.start(0, 1)
+    for consumed in range(1, 4):
+        writer.update(consumed)
+    assert demanded() == [1, 2, 3, 4]
+
+
+def test_it_begins_where_the_run_does(writer, demanded):
+    writer.start(500, 10)
+    writer.update(505)
+    assert demanded() == [510, 515]
+
+
+@pytest.mark.parametrize('lookahead', [1, 2, 3, 10, 1000])
+def test_the_lead_is_never_less_than_half(writer, demanded, lookahead):
+    writer.start(0, lookahead)
+    (limit,) = demanded()
+    for consumed in range(1, 3 * lookahead):
+        writer.update(consumed)
+        limit = max([limit, *demanded()])
+        assert consumed + lookahead // 2 <= limit <= consumed + lookahead
+
+
+def test_the_reader_takes_the_newest_demand(writer, reader):
+    assert not reader.take()
+    writer.start(0, 10)
+    assert reader.take()
+    assert (reader.limit, reader.ended) == (10, False)
+    assert not reader.take()
+
+
+def test_the_demand_never_shrinks_during_a_run(writer, reader):
+    writer.start(100, 10)
+    reader.take()
+    writer.start(0, 10)
+    assert reader.take()
+    assert reader.limit == 110
+
+
+def test_zero_ends_it_and_the_limit_stays(writer, reader):
+    writer.start(0, 10)
+    reader.take()
+    writer.end()
+    assert reader.take()
+    assert reader.ended
+    assert reader.limit == 10
+
+
+def test_zero_before_anything_was_demanded_is_of_an_earlier_run(writer, reader):
+    writer.end()
+    assert reader.take()
+    assert not reader.ended
+    writer.start(0, 10)
+    reader.take()
+    assert (reader.limit, reader.ended) == (10, False)
+
+
+def test_a_new_run_begins_without_demand(writer, reader):
+    writer.start(0, 10)
+    reader.take()
+    writer.end()
+    reader.take()
+    reader.start()
+    assert (reader.limit, reader.ended) == (0, False)
+
+
+def test_a_demand_beyond_32_bits_is_taken(transport, reader):
+    publisher = transport.owner().create_own_publisher(UInt64, 'demand', LATCHED)
+    publisher.publish(UInt64(data=2**40))
+    reader.take()
+    assert reader.limit == 2**40
+
+
+def test_a_writer_that_stays_away_is_a_fault_after_the_timeout(transport, reader, clock):
+    publisher = transport.owner().create_own_publisher(UInt64, 'demand', LATCHED)
+    assert (reader.writers, reader.topic_name) == (1, '/rig/demand')
+    clock.run(10.0, lambda: reader.check_writer(0.5))
+    publisher.destroy()
+    clock.run(0.5, lambda: reader.check_writer(0.5))
+    with pytest.raises(StreamFault, match='/rig/demand lost its writer'):
+        clock.run(0.3, lambda: reader.check_writer(0.5))
