@@ -80,11 +80,12 @@ def _run_live(options: argparse.Namespace) -> int:
         with Supervisor(options.namespace) as supervisor:
             if plan.study or options.keep:
                 # Hundreds of short runs: one composed graph is led through all of them.
-                kept = KeptGraph(supervisor, options.output)
-                return run_plan(plan, options.output, kept, progress)
-            return run_plan(plan, options.output, GraphPerRun(
-                supervisor, options.output, composed=options.composed, progress=progress.show),
-                progress)
+                graph: KeptGraph | GraphPerRun = KeptGraph(supervisor, options.output)
+            else:
+                graph = GraphPerRun(
+                    supervisor, options.output, composed=options.composed, progress=progress.show)
+            supervisor.exit_code = run_plan(plan, options.output, graph, progress)
+        return supervisor.exit_code
 
     return with_plan(options, campaign)
 

@@ -35,7 +35,7 @@ from piezo_ros.interruption import was_interrupted
 from piezo_ros.live.node_status import BadStatusError, parse_status
 from piezo_ros.live.process_group import POLL_S, ProcessGroup
 from piezo_ros.parameters.errors import CampaignError
-from piezo_ros.runtime.process.leaving import destroy_after_others
+from piezo_ros.runtime.process.leaving import destroy_after_others, exit_after
 from piezo_ros.runtime.process.middleware import set_middleware_defaults
 from piezo_ros.runtime.process.running_time import RunningTime
 from piezo_ros.runtime.process.stop_request import StopRequest
@@ -43,6 +43,7 @@ from piezo_ros.runtime.streams.qos import EVERY_STATUS
 
 __all__ = ['Supervisor', 'how_it_ended', 'stopped_by']
 
+_LEAVE_S = 10.0  # how long the middleware may take to let this process go
 _WARN_S = 10.0  # a warning of refused statuses at most this often
 
 
@@ -61,6 +62,8 @@ class Supervisor:
         The processes of the present graph.
     statuses : dict of str to dict
         The newest status of every node of it, by name.
+    exit_code : int
+        With which this process ends if the middleware does not let it go.
 
     """
 
@@ -69,6 +72,7 @@ class Supervisor:
         self.namespace = '/' + (namespace or f'piezo_{os.getpid()}').strip('/')
         self.processes = ProcessGroup()
         self.statuses: dict[str, dict[str, Any]] = {}
+        self.exit_code = 1
         self._stop = StopRequest()
 
     def __enter__(self) -> 'Supervisor':
@@ -88,8 +92,10 @@ class Supervisor:
         """End the processes and give everything back."""
         self.processes.stop()
         self.processes.kill()
+        stay = exit_after(_LEAVE_S, self.exit_code)
         destroy_after_others(self._node)
         rclpy.try_shutdown()
+        stay()
         for number, handler in self._old_handlers.items():
             signal.signal(number, handler)
 

@@ -26,9 +26,9 @@ from fake_transport import FakeOwner
 from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.parameter import Parameter
 
-from piezo_ros.runtime.process import steady_timer
 from piezo_ros.runtime.node.hooks import NodeHooks
 from piezo_ros.runtime.node.rclpy_node.stream_node import StreamNode
+from piezo_ros.runtime.process import steady_timer
 
 __all__ = ['activate', 'fake_hooks', 'fake_node', 'poll_all']
 

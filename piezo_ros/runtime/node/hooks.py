@@ -82,9 +82,8 @@ class NodeHooks(StreamNode):
     urgent = True
     # Whether a node that is not urgent had better let its input pile up.
     in_bursts = False
-    # Whether it subscribes only once it knows the writers. A writer that waits for its readers
-    # then does not begin before they can hear: in a loop each node waits for the next one, but none
-    # for a recorder.
+    # Whether it subscribes only once it knows the writers, which wait for their readers and so do
+    # not begin before they are heard: in a loop each node waits for the next, none for a recorder.
     subscribes_late = False
     # The diagnostics warn where these counts grow.
     troubles: tuple[str, ...] = ('refused_messages', 'gaps')

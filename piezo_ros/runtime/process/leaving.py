@@ -23,6 +23,7 @@ needs.
 import ctypes
 import sys
 import time
+from collections.abc import Callable
 
 from rclpy.node import Node
 
@@ -54,7 +55,7 @@ class _Time(ctypes.Structure):
         for name in ('again_s', 'again_ns', 'first_s', 'first_ns'))
 
 
-def exit_after(grace_s: float, code: int) -> None:
+def exit_after(grace_s: float, code: int) -> Callable[[], None]:
     """
     End this process with an exit code, unless it has ended by itself in time.
 
@@ -67,9 +68,14 @@ def exit_after(grace_s: float, code: int) -> None:
     code : int
         The exit code.
 
+    Returns
+    -------
+    callable
+        Calls that off; for a process that goes on once the middleware has let it go.
+
     """
     if not sys.platform.startswith('linux'):
-        return
+        return lambda: None
     library = ctypes.CDLL(None)
     if not hasattr(library, 'timer_create'):  # a C library from before 2021
         library = ctypes.CDLL('librt.so.1')
@@ -80,6 +86,8 @@ def exit_after(grace_s: float, code: int) -> None:
     first = _Time(first_s=int(grace_s), first_ns=int(grace_s % 1.0 * 1e9))
     if library.timer_create(_CLOCK_MONOTONIC, ctypes.byref(notification), ctypes.byref(timer)) == 0:
         library.timer_settime(timer, 0, ctypes.byref(first), None)
+        return lambda: library.timer_delete(timer)
+    return lambda: None
 
 
 def destroy_after_others(node: Node) -> None:

@@ -37,3 +37,10 @@ def test_a_process_that_hangs_ends_with_its_exit_code(code):
 def test_a_process_that_ends_by_itself_is_left_alone():
     script = 'from piezo_ros.runtime.process.leaving import exit_after\nexit_after(30.0, 1)'
     assert subprocess.run([sys.executable, '-c', script], timeout=20).returncode == 0
+
+
+def test_a_process_that_goes_on_calls_it_off():
+    script = (
+        'import time\nfrom piezo_ros.runtime.process.leaving import exit_after\n'
+        'exit_after(0.2, 1)()\ntime.sleep(0.6)')
+    assert subprocess.run([sys.executable, '-c', script], timeout=20).returncode == 0
