@@ -180,7 +180,7 @@ class ControllerInputs:
         return taken > 0
 
     def count(self, most: int) -> int:
-        """Return the number of samples, limited to `most`, for which all needed inputs are there."""
+        """Return the number of samples, limited to `most`, for which all inputs are there."""
         count = self.count_targets(most)
         if self.closes_loop:
             count = min(count, len(self.displacement.queue))
