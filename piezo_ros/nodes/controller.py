@@ -102,14 +102,14 @@ class Controller(LoopNode):
 
     def poll(self) -> bool:
         """Send every command that can be computed now."""
-        return self._go_on(self._paired.take)
+        return self._poll_with(self._paired.take)
 
     def _poll_left(self) -> bool:
-        """Go on with the displacement that the relay has taken and left."""
+        """Do as `poll`, after the displacement that the relay has taken and not used."""
         self._relay.end()
-        return self._go_on(self._paired.take_left)
+        return self._poll_with(self._paired.take_left)
 
-    def _go_on(self, take: Callable[[], bool]) -> bool:
+    def _poll_with(self, take: Callable[[], bool]) -> bool:
         """Take inputs, answer them and ask for more; return whether there was anything to do."""
         paired, schedule = self._paired, self._schedule
         if not (paired.is_ready or paired.prepare()):

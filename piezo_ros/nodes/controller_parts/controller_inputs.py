@@ -37,8 +37,8 @@ class ControllerInputs:
     """
     Reference, feedforward and displacement; a command needs one sample of each of its own index.
 
-    An input that the scheme does not use is taken all the same, and dropped up to the next command:
-    its writer would wait for a reader otherwise.
+    An input that the scheme does not use is taken too, and dropped up to the next command.
+    Otherwise its writer would wait for this reader.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ class ControllerInputs:
     command : StreamWriter
         The commands. The index of the next one is that of the samples that are needed next.
     law : ControlLaw
-        Is told earlier readings where it begins to use feedback during the run.
+        Is given the latest readings when it begins to use feedback during the run.
     parameters : ControllerParameters
         What the law has at the first sample; the scheme decides which inputs are needed.
     start_index : int
@@ -62,7 +62,7 @@ class ControllerInputs:
     targets : tuple of StreamReader
         The streams of the trajectory that the scheme needs.
     is_ready : bool
-        Whether what was needed before the next sample could be paired has come, see `prepare`.
+        Whether the next sample can be paired; if not, `prepare` must be called first.
 
     """
 
@@ -152,7 +152,7 @@ class ControllerInputs:
         return progress
 
     def take_left(self) -> bool:
-        """Do as `take`, beginning with a displacement that was taken and not looked at."""
+        """Do as `take`, after the displacement that the relay has taken and not used."""
         samples = self.displacement.take_rest()
         if samples is not None:
             self.displacement.queue.extend(samples)
@@ -181,14 +181,14 @@ class ControllerInputs:
         return taken > 0
 
     def count(self, most: int) -> int:
-        """Return of how many samples, at most so many, all that is needed is there."""
+        """Return the number of samples, limited to `most`, for which all inputs are there."""
         count = self.count_targets(most)
         if self.closes_loop:
             count = min(count, len(self.displacement.queue))
         return min(count, MOST_JOINED)
 
     def count_targets(self, most: int) -> int:
-        """Return of how many samples, at most so many, the targets are there."""
+        """Return the number of samples, limited to `most`, for which the targets are there."""
         return min(most, *[len(reader.queue) for reader in self.targets])
 
     def pull(self, count: int) -> tuple[NDArray[np.float64], ...]:

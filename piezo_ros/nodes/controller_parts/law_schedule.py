@@ -108,7 +108,7 @@ class LawSchedule:
         return laws
 
     def samples_before_change(self, index: int) -> int:
-        """Return how many samples the next change is ahead; no end if it is due, or none comes."""
+        """Return the number of samples before the next change; no limit if it is due or none."""
         ahead = self.change_at - index
         return ahead if ahead > 0 else sys.maxsize
 

@@ -46,7 +46,7 @@ class TargetRelay:
     law : ControlLaw
         Its law; none but a compiled `PiController` can be relayed.
     other : callable
-        What `Relay` takes as that.
+        What the node does with a message that the relay has taken and not used.
 
     """
 
@@ -61,7 +61,7 @@ class TargetRelay:
             if isinstance(law, PiController) and law.is_compiled else None)
 
     def begin(self, most: int) -> None:
-        """Relay the next samples, at most so many, if enough targets and no readings wait."""
+        """Relay the next samples, `most` at most, if enough targets and no readings wait."""
         inputs = self._inputs
         displacement = inputs.displacement
         if not self._relay or not inputs.closes_loop or displacement.held or displacement.queue:

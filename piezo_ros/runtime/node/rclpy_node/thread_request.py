@@ -22,7 +22,7 @@ __all__ = ['ThreadRequest']
 
 class ThreadRequest:
     """
-    Hands an action to another thread, and what it raises back.
+    Hands an action to another thread, and the exception that it raises back to the first.
 
     Parameters
     ----------
