@@ -20,7 +20,7 @@ from std_msgs.msg import UInt64
 
 from piezo_ros.nodes.demand import DemandReader, DemandWriter
 from piezo_ros.runtime.streams.fault import StreamFault
-from piezo_ros.runtime.streams.qos import LATCHED
+from piezo_ros.runtime.streams.qos import EVERY_STATUS, LATCHED
 
 
 @pytest.fixture
@@ -41,7 +41,7 @@ def reader(transport):
 @pytest.fixture
 def demanded(transport, writer):
     """Return the demands that were published since the last call."""
-    subscription = transport.subscribe('demand', LATCHED)
+    subscription = transport.subscribe('demand', EVERY_STATUS)  # keeps them all
 
     def take():
         limits = [message.data for message in subscription.messages]

@@ -30,7 +30,7 @@ from piezo_ros.runtime.node.hooks import NodeHooks
 from piezo_ros.runtime.node.rclpy_node.stream_node import StreamNode
 from piezo_ros.runtime.process import steady_timer
 
-__all__ = ['activate', 'fake_hooks', 'fake_node', 'poll_all']
+__all__ = ['activate', 'configure', 'fake_hooks', 'fake_node', 'poll_all']
 
 
 class _OnFakeTransport(FakeOwner):
@@ -115,18 +115,20 @@ def fake_hooks(transport, node_class=NodeHooks, name='node', **settings):
     return node
 
 
-def activate(*nodes):
-    """Bring nodes up: all of them are configured before the first run begins."""
+def configure(*nodes):
     for node in nodes:
         assert node.on_configure(None) == TransitionCallbackReturn.SUCCESS, node.logger.texts
+
+
+def activate(*nodes):
+    """Begin a run of nodes that are configured."""
     for node in nodes:
         assert node.on_activate(None) == TransitionCallbackReturn.SUCCESS, node.logger.texts
 
 
-def poll_all(*nodes, turns=100_000):
-    """Let nodes do what they can, in turn, until none can do anything; return whether so."""
-    for _ in range(turns):
+def poll_all(*nodes):
+    """Let nodes do what they can, in turn, until none of them could do anything three times."""
+    idle = 0
+    while idle < 3:
         progress = [node.quick(1) for node in nodes if node.running]
-        if not any(progress):
-            return True
-    return False
+        idle = 0 if any(progress) else idle + 1

@@ -16,12 +16,14 @@
 Topics in memory, for tests of readers and writers without middleware, processes or rclpy nodes.
 
 A message is in the queue of every subscription of its topic as soon as it is published. There is
-no discovery either: publishers and subscriptions match at once.
+no discovery either: publishers and subscriptions match at once. Of the quality of service, history
+and transient-local durability are obeyed.
 """
 
 from collections import defaultdict, deque
 
 from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.qos import DurabilityPolicy, HistoryPolicy
 
 from piezo_ros.runtime.streams.qos import STREAM
 from piezo_ros.runtime.streams.reader import StreamReader
@@ -86,6 +88,7 @@ class FakePublisher(_Endpoint):
     def __init__(self, transport, owner, topic, qos):
         super().__init__(transport.publishers, owner, topic, qos)
         self.refusals = 0
+        self.newest = None
         self._readers = transport.subscriptions[self.topic_name]
 
     def publish_raw(self, raw):
@@ -95,6 +98,7 @@ class FakePublisher(_Endpoint):
         self.publish(bytes(raw))
 
     def publish(self, message):
+        self.newest = message
         for subscription in self._readers:
             subscription.messages.append(message)
 
@@ -110,8 +114,12 @@ class FakeSubscription(_Endpoint):
 
     def __init__(self, transport, owner, topic, qos):
         super().__init__(transport.subscriptions, owner, topic, qos)
-        self.messages = deque()
+        is_kept = qos.history == HistoryPolicy.KEEP_LAST
+        self.messages = deque(maxlen=qos.depth if is_kept else None)
         self._writers = transport.publishers[self.topic_name]
+        if qos.durability == DurabilityPolicy.TRANSIENT_LOCAL:
+            self.messages.extend(
+                writer.newest for writer in self._writers if writer.newest is not None)
 
     def take_message(self, message_type, is_raw):
         if not self.messages:
