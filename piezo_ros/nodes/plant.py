@@ -15,12 +15,13 @@
 """The simulated rig: voltage in, measured displacement out. It alone owns the voltage."""
 
 import time
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from piezo_ros.model import Rig, RigParameters
+from piezo_ros.model import ParameterError, Rig, RigParameters
 from piezo_ros.nodes.demand import DemandWriter
 from piezo_ros.nodes.plant_parts.kept_rig import KeptRig
 from piezo_ros.nodes.plant_parts.pace import Pace
@@ -56,18 +57,14 @@ class Plant(AnsweringNode):
         super().__init__('plant', compiled=compiled)
         self.create_trigger('initialise', self.initialise)
 
-    @property
-    def _index(self) -> int:
-        """Index of the newest reading, 0 before the first."""
-        displacement = self.writers.get('displacement')
-        return max(displacement.next_index - 1, 0) if displacement else 0
-
     def configure(self) -> None:
         """Read the parameters of the rig."""
         self._kept.configure(
             read(self, RigParameters), self.settings.sample_period_s,
             compiled=self.settings.compiled)
         self._safety = read(self, SafetyParameters)
+        if refusal := self._kept.refusal(self._safety.safe_slew_v_per_s):
+            raise ParameterError(refusal)
         self._history = read(self, HistoryParameters)
         self._timing = read(self, PaceParameters)
         self._lookahead = read(self, BareParameters).demand_lookahead_samples
@@ -75,8 +72,9 @@ class Plant(AnsweringNode):
     def create_endpoints(self) -> None:
         """Create the publisher of the demand, where no controller demands, and of the clock."""
         self._demand = DemandWriter(self) if self._lookahead else None
+        readings = self.writers['displacement']
         self._clock_writer = (
-            SimulatedClock(self, lambda: self._index) if self._timing.publish_clock else None)
+            SimulatedClock(self, readings) if self._timing.publish_clock else None)
 
     def start(self) -> None:
         """Put the rig to rest at its operating point and send its first reading."""
@@ -123,7 +121,7 @@ class Plant(AnsweringNode):
         """Answer what waits, or one block when its time has come."""
         if self._paced is None:
             return super().poll()
-        samples = self._paced.take(self._index)
+        samples = self._paced.take(self.writer.newest_index)
         if samples is None:
             return False
         if samples.size:
@@ -145,7 +143,7 @@ class Plant(AnsweringNode):
         if self.reader.ended:
             self._elapsed_s = time.perf_counter() - self._began_s
         if self._demand:
-            self._demand.update(self._index)
+            self._demand.update(self.writer.newest_index)
 
     def watch(self, now_s: float) -> None:
         """End the run when the voltage stays away."""
@@ -154,6 +152,11 @@ class Plant(AnsweringNode):
     def has_waiting(self, reader: StreamReader) -> bool:
         """Return whether a paced plant has not come to what was sent yet."""
         return self._paced is not None and self._paced.is_waiting
+
+    def change_parameters(self, changes: Mapping[str, Any]) -> str:
+        """Refuse a slew at which the ramp to zero would not end."""
+        slew_v_per_s = changes.get('safe_slew_v_per_s')
+        return self._kept.refusal(slew_v_per_s) if slew_v_per_s and self.is_configured else ''
 
     def parameters_changed(self) -> None:
         """Take over new limits of the watchdog and of the safe slew."""
@@ -176,9 +179,7 @@ class Plant(AnsweringNode):
             raise ServiceRefusedError('the node is not configured')
         self.between_samples(
             lambda: self._kept.demagnetise(self._history, self._safety.safe_slew_v_per_s))
-        return (
-            f'{self._history.initialise_levels} periods of a triangle, from '
-            f'{self._kept.demagnetising_amplitude_v(self._history):g} V to 0 V')
+        return self._kept.describe_triangle(self._history)
 
     def counts(self) -> dict[str, int]:
         """Return the counts of every node, those of the pace, and of what the drive cannot do."""
@@ -189,7 +190,7 @@ class Plant(AnsweringNode):
 
     def status_fields(self) -> dict[str, Any]:
         """Return the voltage that the rig is driven with and how long the run took."""
-        counts = self.counts()
+        told = ('overruns', 'rail_samples', 'slew_samples')
         return {
             'voltage_v': self._kept.commanded_v, 'elapsed_s': self._elapsed_s,
-            **{name: counts[name] for name in ('overruns', 'rail_samples', 'slew_samples')}}
+            **{name: count for name, count in self.counts().items() if name in told}}

@@ -38,7 +38,8 @@ class Driven:
         self.displacement = self.transport.reader('displacement')
         for end in (self.voltage, self.displacement):
             end.start(0, PERIOD_S)
-        self.node = fake_node(Plant, self.transport, sample_period_s=PERIOD_S, **parameters)
+        self.node = fake_node(
+            Plant, self.transport, **{'sample_period_s': PERIOD_S, **parameters})
         configure(self.node)
         activate(self.node)
         self.begun_s = clock.now_s
@@ -146,7 +147,7 @@ def test_after_a_fault_the_voltage_is_ramped_to_zero_at_the_safe_slew(drive):
     driven = drive(safe_slew_v_per_s=100.0)
     driven.voltage.publish([0.0, 5.0])
     driven.node.poll()
-    rig = driven.node._simulated
+    rig = driven.node._kept.rig
     driven_v, drive_rig = [], rig.drive
 
     def note(voltages):
@@ -160,3 +161,35 @@ def test_after_a_fault_the_voltage_is_ramped_to_zero_at_the_safe_slew(drive):
     assert np.all(steps_v < 0.0)
     assert np.all(-steps_v <= 100.0 * PERIOD_S + 1e-12)
     assert driven.node.run_state.fault == 'a fault'
+
+
+@pytest.mark.parametrize('voltages', [
+    [0.1, 0.2, 1e4], [1e6], [1e17], [1e300], [1.7e308], [-1.7e308], [3.0, -1e17]])
+def test_the_ramp_begins_at_the_rail_and_ends(drive, voltages):
+    """A1: it began at what was asked for, and at 1e17 V no step made a difference."""
+    driven = drive(safe_slew_v_per_s=100.0)
+    driven.voltage.publish(voltages)
+    driven.node.poll()
+    rig = driven.node._kept.rig
+    driven_v, drive_rig = [rig.driven_v], rig.drive
+
+    def note(voltages):
+        drive_rig(voltages)
+        driven_v.append(rig.driven_v)
+
+    rig.drive = note
+    driven.voltage.end()
+    driven.node.poll()
+    assert driven.node.run_state.activity == 'finished'
+    assert rig.commanded_v == 0.0
+    assert len(driven_v) <= 7.0 / (100.0 * PERIOD_S) + 2
+    resolution_v = 20.0 / 2**16
+    assert np.abs(np.diff(driven_v)).max() <= 100.0 * PERIOD_S + resolution_v
+
+
+def test_a_slew_at_which_the_ramp_would_not_end_is_refused(drive):
+    """A1: 1 V/s at 1e-9 s are 1e9 samples for each volt."""
+    with pytest.raises(AssertionError, match='safe_slew_v_per_s is 1; .* at least'):
+        drive(sample_period_s=1e-9, safe_slew_v_per_s=1.0)
+    refusal = drive(sample_period_s=1e-5).node.change_parameters({'safe_slew_v_per_s': 5.0})
+    assert 'it must be at least 7' in refusal

@@ -24,6 +24,7 @@ from piezo_ros.parameters.node_parameters import HistoryParameters
 
 __all__ = ['KeptRig']
 
+_MOST_STEPS = 100_000  # of the ramp to zero, which nothing interrupts
 _SETTLE_S = 0.02  # simulated time at zero after the last of the decaying triangle
 
 
@@ -82,6 +83,20 @@ class KeptRig:
         rail_before, slew_before = self._saturated_before
         return max(0, rail - rail_before), max(0, slew - slew_before)
 
+    def refusal(self, slew_v_per_s: float) -> str:
+        """Return why the ramp to zero cannot have a slew: it would not end; '' if it can."""
+        rig = self._parameters
+        reach_v = max(
+            rig.operating_point_v - rig.voltage_minimum_v,
+            rig.voltage_maximum_v - rig.operating_point_v)
+        least = reach_v / (_MOST_STEPS * self._period_s)
+        if slew_v_per_s >= least:
+            return ''
+        return (
+            f'safe_slew_v_per_s is {slew_v_per_s:g}; at a sample period of {self._period_s:g} s '
+            f'the ramp of {reach_v:g} V to zero would have more than {_MOST_STEPS} samples, '
+            f'it must be at least {least:g}')
+
     def come_to_rest(self, slew_v_per_s: float) -> None:
         """Ramp the voltage to zero deviation at a slew."""
         rig = self.rig
@@ -98,11 +113,17 @@ class KeptRig:
         """Drive a decaying triangle, and wait at zero."""
         rig = self.present()
         rig.drive(np.fromiter(demagnetising_voltage(
-            self.demagnetising_amplitude_v(history), history.initialise_levels, slew_v_per_s,
+            self._amplitude_v(history), history.initialise_levels, slew_v_per_s,
             self._period_s), np.float64))
         rig.drive(np.zeros(round(_SETTLE_S / self._period_s)))
 
-    def demagnetising_amplitude_v(self, history: HistoryParameters) -> float:
+    def describe_triangle(self, history: HistoryParameters) -> str:
+        """Return what `demagnetise` does in words."""
+        return (
+            f'{history.initialise_levels} periods of a triangle, from '
+            f'{self._amplitude_v(history):g} V to 0 V')
+
+    def _amplitude_v(self, history: HistoryParameters) -> float:
         """Return the first amplitude of the triangle: what is set, or all that the rails allow."""
         rig = self._parameters
         reach_v = min(

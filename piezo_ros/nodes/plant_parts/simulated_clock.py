@@ -14,13 +14,12 @@
 
 """The simulated time of a run on the topic ``clock``, for nodes with use_sim_time."""
 
-from collections.abc import Callable
-
 from rosgraph_msgs.msg import Clock
 
 from piezo_ros.runtime.node.loop_node import LoopNode
 from piezo_ros.runtime.process.steady_timer import SteadyTimer
 from piezo_ros.runtime.streams.qos import CLOCK
+from piezo_ros.runtime.streams.writer import StreamWriter
 
 __all__ = ['SimulatedClock']
 
@@ -35,13 +34,13 @@ class SimulatedClock:
     ----------
     node : LoopNode
         The node with this time.
-    index : callable
-        Returns the present sample k.
+    readings : StreamWriter
+        The readings, of which the newest has the present sample k.
 
     """
 
-    def __init__(self, node: LoopNode, index: Callable[[], int]) -> None:
-        self._index = index
+    def __init__(self, node: LoopNode, readings: StreamWriter) -> None:
+        self._readings = readings
         self._period_s = 0.0
         self._shown = -1
         self._publisher = node.create_own_publisher(Clock, 'clock', CLOCK)
@@ -63,7 +62,7 @@ class SimulatedClock:
 
     def show(self) -> None:
         """Publish the present time, unless it is the same as before."""
-        index = self._index()
+        index = self._readings.newest_index
         if index != self._shown:
             self._shown = index
             seconds, nanoseconds = divmod(round(index * self._period_s * 1e9), 10**9)

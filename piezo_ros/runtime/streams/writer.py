@@ -109,6 +109,11 @@ class StreamWriter:
         return _unpack_number(self.message, len(self.message) - 8)[0]  # type: ignore[no-any-return]
 
     @property
+    def newest_index(self) -> int:
+        """Index of the newest sample, 0 before the first."""
+        return max(self.next_index - 1, 0)
+
+    @property
     def sent(self) -> int:
         """Number of samples of this run."""
         return self.next_index - self._first

@@ -22,7 +22,7 @@ from fake_transport import PERIOD_S, FakeTransport, take_all
 from rclpy.lifecycle import TransitionCallbackReturn
 
 from piezo_ros.nodes.compensator import Compensator
-from piezo_ros.runtime.node.stream_node import ServiceRefusedError
+from piezo_ros.runtime.node.rclpy_node.stream_node import ServiceRefusedError
 from piezo_ros.runtime.streams.fault import StreamFault
 from piezo_ros.runtime.streams.qos import EVERY_STATUS
 
