@@ -59,7 +59,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--discovery-s', type=float, default=15.0, metavar='T',
         help='how long the node may take to appear (default: 15)')
     parser.add_argument(
-        '--patience-s', type=float, default=5.0, metavar='T',
+        '--patience-s', type=float, default=10.0, metavar='T',
         help='how long an answer may take (default: 5)')
     parser.add_argument(
         '--watchdog-s', type=float, default=5.0, metavar='T',
