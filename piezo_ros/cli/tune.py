@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Final
 
 from piezo_ros import paper
 from piezo_ros.control import TrajectoryParameters
+from piezo_ros.control.feedforward import PERIODIC
 from piezo_ros.experiment.model_file import read_bound, read_dynamics
 from piezo_ros.experiment.plan.automatic import AUTO
 from piezo_ros.model import LinearDynamics
@@ -41,7 +42,6 @@ examples:
   piezo tune slow_stage.yaml --sample-period-s 1e-4 --no-operating-points -o controller.yaml
 """
 _NO_BOUND: Final = Path('none')
-WAVEFORMS: Final = ('triangle', 'sine')  # what a prediction knows the spectrum of
 _GAINS: Final = (
     ('kP', 'proportional_gain', ''),
     ('kI', 'integral_gain_per_s', '1/s'),
@@ -97,7 +97,7 @@ def _add_operating_points(parser: argparse.ArgumentParser) -> None:
         '--plant', type=Path, metavar='FILE',
         help='data sheet of the rig: rails, slew limit, travel (default: that of the paper)')
     group.add_argument(
-        '--waveform', choices=WAVEFORMS, default='triangle', help='(default: triangle)')
+        '--waveform', choices=PERIODIC, default='triangle', help='(default: triangle)')
     group.add_argument(
         '--amplitudes-um', type=float, nargs='+', metavar='A',
         help='peak amplitudes (default: 1/12 … 5/12 of the reach)')

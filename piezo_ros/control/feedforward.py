@@ -29,7 +29,7 @@ The plain inverse of G(s) would be unstable, its zeros being in the right half p
 """
 
 import math
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,11 +40,17 @@ from piezo_ros.model.parameters import ParameterError
 from piezo_ros.model.step import step
 
 __all__ = [
+    'PERIODIC',
     'FeedforwardConstants',
     'feedforward_constants',
     'feedforward_step',
     'fourier_amplitudes',
+    'mean_square_um2',
 ]
+
+# Mean square of the waveforms that have a Fourier series here, for an amplitude of 1.
+_MEAN_SQUARE: Final = {'triangle': 1.0 / 3.0, 'sine': 0.5}
+PERIODIC: Final = tuple(_MEAN_SQUARE)
 
 
 class FeedforwardConstants(NamedTuple):
@@ -98,6 +104,21 @@ def fourier_amplitudes(
     if waveform == 'sine':
         return np.where(k == 1, amplitude_um, 0.0)
     raise ParameterError(f'waveform {waveform!r} is not periodic, harmonics must be 0')
+
+
+def mean_square_um2(waveform: str, amplitude_um: float) -> float:
+    """
+    Return the mean square of a periodic waveform, half the sum of its A_k squared.
+
+    Parameters
+    ----------
+    waveform : str
+        One of `PERIODIC`.
+    amplitude_um : float
+        Peak amplitude, micrometres.
+
+    """
+    return _MEAN_SQUARE[waveform] * amplitude_um**2
 
 
 def feedforward_constants(

@@ -15,8 +15,13 @@
 import numpy as np
 import pytest
 
-from piezo_ros.control import TrajectoryParameters
-from piezo_ros.control.feedforward import feedforward_step, fourier_amplitudes
+from piezo_ros.control import WAVEFORMS, TrajectoryParameters
+from piezo_ros.control.feedforward import (
+    PERIODIC,
+    feedforward_step,
+    fourier_amplitudes,
+    mean_square_um2,
+)
 from piezo_ros.control.trajectory import trajectory_constants, trajectory_step
 from piezo_ros.model import DynamicsParameters, LinearDynamics, ParameterError
 
@@ -152,3 +157,14 @@ def test_harmonics_that_do_not_exist_are_refused(values, message):
 
 def test_the_highest_even_harmonic_may_lie_beyond_nyquist_because_it_is_zero():
     TrajectoryParameters(harmonics=10, frequency_hz=5200.0)
+
+
+@pytest.mark.parametrize('waveform', PERIODIC)
+def test_the_mean_square_is_that_of_the_series(waveform):
+    amplitudes_um = fourier_amplitudes(waveform, 2.0, 9999)
+    assert mean_square_um2(waveform, 2.0) == pytest.approx(
+        0.5 * float(np.sum(amplitudes_um**2)), rel=1e-9)
+
+
+def test_every_periodic_waveform_is_one():
+    assert set(PERIODIC) <= set(WAVEFORMS)

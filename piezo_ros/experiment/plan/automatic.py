@@ -24,6 +24,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Final
 
 from piezo_ros.control import ControllerParameters, TrajectoryParameters
+from piezo_ros.control.feedforward import PERIODIC
 from piezo_ros.model import (
     DynamicsParameters,
     HysteresisParameters,
@@ -49,7 +50,6 @@ __all__ = [
 
 AUTO: Final = 'auto'
 KNOWN_NODES: Final = ('compensator', 'plant', 'trajectory')
-_PERIODIC: Final = ('triangle', 'sine')
 # Parameters of a rig that are in a data sheet. The list is explicit: a new parameter of the rig is
 # not known unless it is added here.
 _DATA_SHEET: Final = (
@@ -175,10 +175,10 @@ def predict(
         choose_harmonics,
         predict_operating_point,
     )
-    if trajectory.waveform not in _PERIODIC:
+    if trajectory.waveform not in PERIODIC:
         raise ParameterError(
             f'waveform is {trajectory.waveform!r}; auto can be decided for '
-            f'{", ".join(_PERIODIC)}')
+            f'{", ".join(PERIODIC)}')
     if 'scheme' in undecided:
         return predict_operating_point(
             known, trajectory, controller, harmonics_open='harmonics' in undecided,

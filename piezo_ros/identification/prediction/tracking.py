@@ -54,7 +54,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from piezo_ros.control import ControllerParameters, TrajectoryParameters, simulate
-from piezo_ros.control.feedforward import fourier_amplitudes
+from piezo_ros.control.feedforward import fourier_amplitudes, mean_square_um2
 from piezo_ros.identification.tuning.linear_plant import Bound, Model, bound_magnitude
 from piezo_ros.identification.tuning.pi_loop import PiLoop
 from piezo_ros.model import HysteresisParameters, LinearDynamics, RigParameters
@@ -227,7 +227,7 @@ def _by_spectra(
     uncertain: _Floats = np.zeros(order.size)
     if uncertainty is not None:
         uncertain = np.abs(sensitivity * output) * bound_magnitude(uncertainty, frequency)
-    left_out_um2 = max(_mean_square(trajectory) - 0.5 * float(np.sum(amplitude**2)), 0.0)
+    left_out_um2 = max(mean_square_um2(trajectory.waveform, trajectory.amplitude_um) - 0.5 * float(np.sum(amplitude**2)), 0.0)
 
     def percent(amplitudes_um: _Floats, further_um2: float) -> float:
         mean_square = 0.5 * float(np.sum(amplitudes_um**2)) + further_um2
@@ -251,11 +251,6 @@ def _feedforward_gain(
         return np.full(order.size, 1.0 / trajectory.dc_gain, dtype=np.complex128)
     return np.where(
         order <= trajectory.harmonics, 1.0 / model.response(order * trajectory.frequency_hz), 0.0)
-
-
-def _mean_square(trajectory: TrajectoryParameters) -> float:
-    share = {'triangle': 1.0 / 3.0, 'sine': 0.5}[trajectory.waveform]
-    return share * trajectory.amplitude_um**2
 
 
 def _with_simulation(
