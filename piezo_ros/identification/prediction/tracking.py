@@ -227,7 +227,8 @@ def _by_spectra(
     uncertain: _Floats = np.zeros(order.size)
     if uncertainty is not None:
         uncertain = np.abs(sensitivity * output) * bound_magnitude(uncertainty, frequency)
-    left_out_um2 = max(mean_square_um2(trajectory.waveform, trajectory.amplitude_um) - 0.5 * float(np.sum(amplitude**2)), 0.0)
+    whole_um2 = mean_square_um2(trajectory.waveform, trajectory.amplitude_um)
+    left_out_um2 = max(whole_um2 - 0.5 * float(np.sum(amplitude**2)), 0.0)
 
     def percent(amplitudes_um: _Floats, further_um2: float) -> float:
         mean_square = 0.5 * float(np.sum(amplitudes_um**2)) + further_um2
