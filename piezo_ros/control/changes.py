@@ -47,6 +47,7 @@ CHANGEABLE = tuple(
     field.name for field in dataclasses.fields(ControllerParameters)
     if constraint_of(field).change == 'running')
 _AT = 'at_sample'
+_LONGEST_SHOWN = 60  # characters of a refused text
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -110,10 +111,10 @@ def parse_changes(text: str) -> tuple[Change, ...]:
         return ()
     try:
         entries = json.loads(text)
-    except ValueError as error:
-        raise ParameterError(f'changes is {text!r}, which is no JSON: {error}') from None
+    except (ValueError, RecursionError) as error:
+        raise ParameterError(f'changes is {_shown(text)}, which is no JSON: {error}') from None
     if not isinstance(entries, list):
-        raise ParameterError(f'changes is {text!r}, it must be a list')
+        raise ParameterError(f'changes is {_shown(text)}, it must be a list')
     changes = [_change(entry) for entry in entries]
     for earlier, later in itertools.pairwise(changes):
         if earlier.at_sample >= later.at_sample:
@@ -121,6 +122,10 @@ def parse_changes(text: str) -> tuple[Change, ...]:
                 f'changes has at_sample {later.at_sample} after {earlier.at_sample}, the samples '
                 'must ascend')
     return tuple(changes)
+
+
+def _shown(text: str) -> str:
+    return repr(text if len(text) <= _LONGEST_SHOWN else f'{text[:_LONGEST_SHOWN]}…')
 
 
 def _change(entry: Any) -> Change:

@@ -42,6 +42,8 @@ def run(law=LAW, changes=()):
 
 @pytest.mark.parametrize(('text', 'words'), [
     ('{', ["'{'", 'no JSON']),
+    ('[' * 3000, ['[[[…', 'no JSON']),  # A3: deeper than Python recurses
+    ('[' * 100_000, ['[[[…', 'no JSON']),
     ('{"at_sample": 3}', ['must be a list']),
     ('[3]', ['3', 'must be a mapping with at_sample']),
     ('[{"scheme": "ff"}]', ['at_sample is None']),
