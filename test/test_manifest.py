@@ -70,7 +70,8 @@ def imported_by_tests():
                 names |= {alias.name.split('.')[0] for alias in statement.names}
             elif isinstance(statement, ast.ImportFrom) and not statement.level:
                 names.add(statement.module.split('.')[0])
-    return names - sys.stdlib_module_names - {'_pytest', 'benchmarks', 'piezo_ros'}
+    own = {path.stem for path in (TESTS / 'support').glob('*.py')}
+    return names - own - sys.stdlib_module_names - {'_pytest', 'benchmarks', 'piezo_ros'}
 
 
 def test_the_manifest_is_valid_and_builds_with_ament_python(package):

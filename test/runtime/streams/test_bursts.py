@@ -103,6 +103,7 @@ def test_a_burst_stops_at_the_end_marker(answering):
     answering.answer_waiting()
     assert answering.reader.ended
     assert answering.asked == [(0, 2)]
+    assert answering.reader.refused == 0
 
 
 def test_refused_blocks_within_a_burst_are_left_out(answering):
@@ -130,6 +131,7 @@ def test_a_message_that_was_taken_before_comes_first(answering):
     ([4000, 3000, 3000], [7000, 3000]),
     ([7500, 1], [7500, 1]),
     ([1, 20_000, 1], [1, 20_000, 1]),  # a longer block stays one, as its question was
+    ([20_000, 1], [20_000, 1]),
     ([500] * 16, [7500, 500]),
 ])
 def test_answers_are_joined_up_to_a_datagram(answering, sizes, expected):

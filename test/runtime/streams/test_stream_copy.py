@@ -109,6 +109,7 @@ def test_a_run_that_learns_where_it_begins_has_a_copy_from_there(copied):
     copied.writer.begin_at(42)
     copied.send(42, 44)
     copied.writer.begin_at(7)  # too late
+    assert copied.writer.next_index == 44
     assert copied.blocks() == [(42, 2)]
 
 

@@ -69,10 +69,19 @@ def test_single_samples_take_the_quick_way_from_the_second_on(reader, writer):
     assert [reader.take_one(), reader.take_one(), reader.take_one()] == [2.0, 3.0, None]
 
 
+def test_a_writer_tells_its_newest_sample(writer):
+    assert writer.newest == 0.0
+    writer.publish_one(1.5)
+    assert writer.newest == 1.5
+    writer.publish([2.5, 3.5])
+    assert writer.newest == 3.5
+
+
 def test_the_end_marker_ends_a_stream_once(reader, writer):
     writer.publish([1.0, 2.0])
     writer.end()
     writer.end()
+    assert len(reader.subscription.messages) == 2
     assert reader.take_array().tolist() == [1.0, 2.0]
     assert not reader.ended
     assert reader.take_array().size == 0
