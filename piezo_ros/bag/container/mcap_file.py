@@ -35,15 +35,14 @@ from pathlib import Path
 from typing import BinaryIO, Final, NamedTuple, TypeVar
 
 import numpy as np
-import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Chunk, Metadata, Schema
-from mcap.stream_reader import CRCValidationError, get_chunk_data_stream
 from mcap.writer import MCAP0_MAGIC
 from numpy.typing import NDArray
 
+from piezo_ros.bag.container.chunk_data import COMPRESSIONS, ChunkError, chunk_data
 from piezo_ros.bag.container.chunk_scan import HEAD_BYTES, read_head, scan, unaligned
 from piezo_ros.bag.errors import BagError
 
@@ -55,7 +54,6 @@ _CHANNEL_OFFSET: Final = 9
 _THREADS: Final = max(1, min(4, (os.cpu_count() or 1) - 1))
 _PIECES_AHEAD: Final = 2 * _THREADS
 _PARSE_ERRORS: Final = (McapError, struct.error, UnicodeDecodeError, OverflowError, MemoryError)
-_DECOMPRESSION_ERRORS: Final = (zstandard.ZstdError, RuntimeError, MemoryError, OverflowError)
 _Record = TypeVar('_Record')
 
 
@@ -290,7 +288,7 @@ def _unpacked_chunk(path: Path, position: int, length: int, body: bytes) -> _Unp
         chunk = _parsed(Chunk.read, body)
     except _PARSE_ERRORS:
         return nothing('a chunk cut within its head')
-    if chunk.compression not in ('zstd', 'lz4', ''):
+    if chunk.compression not in COMPRESSIONS:
         raise BagError(
             f'{path}: chunk compression {chunk.compression!r} is none of zstd, lz4 and none')
     missing = length - len(body)
@@ -300,11 +298,6 @@ def _unpacked_chunk(path: Path, position: int, length: int, body: bytes) -> _Unp
     if missing:
         return _scanned(position, chunk.data, 'the end of a chunk')
     try:
-        stream, size = get_chunk_data_stream(chunk, validate_crc=True)
-    except CRCValidationError:
-        return nothing('a chunk with a wrong checksum')
-    except _DECOMPRESSION_ERRORS as error:
-        return nothing(f'a chunk that does not decompress ({error})')
-    if size != chunk.uncompressed_size:
-        return nothing(f'a chunk of {size} bytes that should hold {chunk.uncompressed_size}')
-    return _scanned(position, stream.read(size))
+        return _scanned(position, chunk_data(chunk))
+    except ChunkError as error:
+        return nothing(str(error))
