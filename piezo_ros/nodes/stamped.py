@@ -26,7 +26,6 @@ import numpy as np
 import rclpy
 from rclpy.exceptions import ParameterException
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
-from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import Float64MultiArray
 
 from piezo_ros.bag import STREAMS
@@ -38,7 +37,7 @@ from piezo_ros.runtime.node.parameters import declare, read
 from piezo_ros.runtime.node.steady_timer import SteadyTimer
 from piezo_ros.runtime.process.distribution import make_events_executor, name_of_distribution
 from piezo_ros.runtime.process.leaving import exit_after
-from piezo_ros.runtime.process.middleware import set_middleware_defaults
+from piezo_ros.runtime.process.middleware import initialise_rclpy
 from piezo_ros.runtime.process.stop_request import StopRequest
 from piezo_ros.runtime.streams.qos import NEWEST, overridable
 from piezo_ros.streams import MalformedBlockError, block_from_message_fields
@@ -274,11 +273,10 @@ def main() -> int:
             f'ros-{name_of_distribution()}-sensor-msgs, or ros-sensor-msgs where ROS comes from '
             'PyPI; nothing else needs it', file=sys.stderr)
         return 1
-    set_middleware_defaults()
     try:
-        rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
-    except RuntimeError as error:
-        # No such parameter file, or arguments that ROS does not understand.
+        initialise_rclpy(sys.argv)
+    except (RuntimeError, ValueError) as error:
+        # No such parameter file, or arguments or an environment that ROS cannot use.
         print(error, file=sys.stderr)
         return 1
     code = 1
