@@ -13,62 +13,132 @@
 # limitations under the License.
 
 """
-A Ctrl-C that cannot get lost.
+Stop signals that cannot get lost: Ctrl-C, and a terminal that is closed.
 
 Python raises KeyboardInterrupt wherever the process happens to be. While modules are imported that
 may be code that catches everything, and the command would go on as if nothing had happened.
 """
 
+import errno
+import os
 import signal
+import termios
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
+from typing import Final, TypeGuard
 
-__all__ = ['Interruption', 'remembering_interruption', 'was_interrupted']
+__all__ = [
+    'STOP_SIGNALS',
+    'Interruption',
+    'interruptible',
+    'leave_closed_terminal',
+    'remembering_interruption',
+    'set_stop_handler',
+    'stopped_by',
+    'was_interrupted',
+]
+
+# What asks a process to end: Ctrl-C, a manager of processes, a terminal that is closed.
+STOP_SIGNALS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+_TERMINAL_FILES: Final = (0, 1, 2)
 
 
 class Interruption:
     """
-    Handler of SIGINT that raises KeyboardInterrupt, as Python's own, and remembers it.
+    Handler of stop signals that raises KeyboardInterrupt, and remembers the signal.
 
     Attributes
     ----------
-    came : bool
-        Whether the signal has come.
+    signal_number : int
+        The signal that has come last, 0 for none.
 
     """
 
     def __init__(self) -> None:
-        self.came = False
+        self.signal_number = 0
 
-    def __call__(self, _number: int, _frame: FrameType | None) -> None:
-        """Remember the signal and raise KeyboardInterrupt."""
-        self.came = True
-        raise KeyboardInterrupt
+    @property
+    def came(self) -> bool:
+        """Whether a signal has come."""
+        return bool(self.signal_number)
+
+    def __call__(self, number: int, _frame: FrameType | None) -> None:
+        """Remember the signal and raise KeyboardInterrupt with its name."""
+        self.signal_number = number
+        leave_closed_terminal()
+        raise KeyboardInterrupt(signal.Signals(number).name)
 
 
 @contextmanager
 def remembering_interruption() -> Iterator[Interruption]:
     """
-    Have an `Interruption` in place of Python's own handler of SIGINT.
+    Have an `Interruption` in place of the default handlers of SIGINT and SIGHUP.
 
-    Another handler stays: a shell may have told the process to ignore the signal. So does Python's
-    outside of the main thread, where no handler can be set.
+    Another handler stays: a shell may have told the process to ignore the signal. So do the
+    defaults outside of the main thread, where no handler can be set.
     """
     interruption = Interruption()
-    before = signal.getsignal(signal.SIGINT)
-    replaces = before is signal.default_int_handler and (
-        threading.current_thread() is threading.main_thread())
-    if replaces:
-        signal.signal(signal.SIGINT, interruption)
+    defaults = {signal.SIGINT: signal.default_int_handler, signal.SIGHUP: signal.SIG_DFL}
+    replaced = {}
+    if threading.current_thread() is threading.main_thread():
+        replaced = {
+            number: default for number, default in defaults.items()
+            if signal.getsignal(number) is default}
+    for number in replaced:
+        signal.signal(number, interruption)
     try:
         yield interruption
     finally:
-        if replaces:
-            signal.signal(signal.SIGINT, before)
+        for number, default in replaced.items():
+            signal.signal(number, default)
 
 
-def was_interrupted(handler: object) -> bool:
-    """Return whether a handler of SIGINT is an `Interruption` that has received the signal."""
+@contextmanager
+def interruptible() -> Iterator[None]:
+    """
+    Let stop signals raise KeyboardInterrupt, also where a handler would only remember them.
+
+    For what no run depends on, such as the report after the last run.
+    """
+    replaced = {}
+    if threading.current_thread() is threading.main_thread():
+        handlers = {number: signal.getsignal(number) for number in STOP_SIGNALS}
+        replaced = {number: before for number, before in handlers.items() if callable(before)}
+    interruption = Interruption()
+    for number in replaced:
+        signal.signal(number, interruption)
+    try:
+        yield
+    finally:
+        for number, before in replaced.items():
+            signal.signal(number, before)
+
+
+def set_stop_handler(handler: Callable[[int, FrameType | None], object] | signal.Handlers) -> None:
+    """Set the handler of all stop signals; SIGHUP stays ignored where nohup has ignored it."""
+    for number in STOP_SIGNALS:
+        if number != signal.SIGHUP or signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, handler)
+
+
+def was_interrupted(handler: object) -> TypeGuard[Interruption]:
+    """Return whether a handler is an `Interruption` that has received a signal."""
     return isinstance(handler, Interruption) and handler.came
+
+
+def stopped_by(interrupt: KeyboardInterrupt) -> str:
+    """Return what to say of a command that a stop signal has ended."""
+    return f'stopped by {interrupt}' if interrupt.args else 'stopped by SIGINT'
+
+
+def leave_closed_terminal() -> None:
+    """Write nowhere in place of a terminal that is gone, where every write would fail."""
+    for number in _TERMINAL_FILES:
+        try:
+            termios.tcgetattr(number)
+        except termios.error as error:
+            if error.args[0] == errno.EIO:
+                with open(os.devnull, 'r+b', buffering=0) as nowhere:
+                    os.dup2(nowhere.fileno(), number)

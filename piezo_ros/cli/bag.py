@@ -61,6 +61,8 @@ def _guarded(
 ) -> int:
     try:
         lost = action(options)
+    except BrokenPipeError:
+        raise
     except (BagError, OSError) as error:
         print(f'piezo: {error}', file=sys.stderr)
         return 1

@@ -16,12 +16,16 @@
 
 import argparse
 import importlib
+import io
+import os
 import sys
 from collections.abc import Sequence
 from typing import Final
 
-from piezo_ros.interruption import Interruption, remembering_interruption
+from piezo_ros.interruption import Interruption, remembering_interruption, stopped_by
 from piezo_ros.matrix_threads import use_one_thread
+from piezo_ros.parameters.errors import PlanError, failure_text
+from piezo_ros.parameters.given_paths import check_paths
 
 __all__ = ['main']
 
@@ -58,12 +62,30 @@ def main(arguments: Sequence[str] | None = None) -> int:
         0 done, 1 failed, 2 usage (also a plan that cannot be run), 3 done with loss.
 
     """
+    _write_any_text()
     try:
         with remembering_interruption() as interruption:
-            return _run(sys.argv[1:] if arguments is None else arguments, interruption)
-    except KeyboardInterrupt:
-        print('piezo: stopped by SIGINT', file=sys.stderr)
-        return EXIT_FAILED
+            code = _run(sys.argv[1:] if arguments is None else arguments, interruption)
+        sys.stdout.flush()
+        return code
+    except KeyboardInterrupt as interrupt:
+        print(f'piezo: {stopped_by(interrupt)}', file=sys.stderr)
+    except PlanError as error:
+        print(f'piezo: {error}', file=sys.stderr)
+        return EXIT_USAGE
+    except BrokenPipeError:
+        # The reader of the output has gone: `piezo bag info BAG | head -1`. Python flushes at exit.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except (OSError, MemoryError) as error:
+        print(f'piezo: {failure_text(error)}', file=sys.stderr)
+    return EXIT_FAILED
+
+
+def _write_any_text() -> None:
+    """Escape what the locale has no character for, such as the µ of a table."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors='backslashreplace')
 
 
 def _run(arguments: Sequence[str], interruption: Interruption) -> int:
@@ -80,6 +102,7 @@ def _run(arguments: Sequence[str], interruption: Interruption) -> int:
     if interruption.came:  # an import may have caught it
         raise KeyboardInterrupt
     options = parser.parse_args(arguments)
+    check_paths(vars(options).values())
     code = options.function(options)
     assert isinstance(code, int)
     return code

@@ -15,6 +15,7 @@
 """``piezo run``: a plan on live nodes."""
 
 import argparse
+import importlib
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -24,7 +25,8 @@ from piezo_ros.cli.progress import Progress
 from piezo_ros.experiment.campaign import run_campaign
 from piezo_ros.experiment.output_directory import prepare_directory
 from piezo_ros.experiment.plan import Plan, read_plan
-from piezo_ros.parameters.errors import CampaignError, PlanError
+from piezo_ros.interruption import stopped_by
+from piezo_ros.parameters.errors import CampaignError, PlanError, failure_text
 from piezo_ros.parameters.run import PlannedRun, RunResult
 from piezo_ros.report.run_tables import text_table
 
@@ -67,15 +69,9 @@ def add_plan_arguments(parser: argparse.ArgumentParser) -> None:
 
 def _run_live(options: argparse.Namespace) -> int:
     def campaign(plan: Plan) -> int:
-        try:
-            from piezo_ros.live.graph_per_run import GraphPerRun
-            from piezo_ros.live.kept_graph import KeptGraph
-            from piezo_ros.live.supervisor import Supervisor
-        except ImportError as error:
-            print(
-                f'piezo run needs ROS 2 ({error}); piezo simulate does without it',
-                file=sys.stderr)
-            return 1
+        from piezo_ros.live.graph_per_run import GraphPerRun
+        from piezo_ros.live.kept_graph import KeptGraph
+        from piezo_ros.live.supervisor import Supervisor
         progress = Progress()
         with Supervisor(options.namespace) as supervisor:
             if plan.study or options.keep:
@@ -87,11 +83,27 @@ def _run_live(options: argparse.Namespace) -> int:
             supervisor.exit_code = run_plan(plan, options.output, graph, progress)
         return supervisor.exit_code
 
-    return with_plan(options, campaign)
+    return with_plan(options, campaign, lambda: _check_ros(options.namespace))
 
 
-def with_plan(options: argparse.Namespace, campaign: Callable[[Plan], int]) -> int:
-    """Read the plan, prepare its output directory, do the campaign; return the exit code."""
+def _check_ros(namespace: str) -> None:
+    """Refuse to begin without ROS, or where it could not start: the directory is not touched."""
+    try:
+        importlib.import_module('piezo_ros.live.supervisor')
+    except (ImportError, RuntimeError) as error:
+        raise CampaignError(
+            f'piezo run needs ROS 2 ({error}); piezo simulate does without it') from None
+    from piezo_ros.runtime.process.ros_environment import check_ros_environment, checked_namespace
+    check_ros_environment()
+    if namespace:
+        checked_namespace(namespace)
+
+
+def with_plan(
+    options: argparse.Namespace, campaign: Callable[[Plan], int],
+    check: Callable[[], None] = lambda: None,
+) -> int:
+    """Read the plan, check, prepare its output directory, do the campaign; return the exit code."""
     try:
         plan = read_plan(options.plan)
         if options.plan.resolve().is_relative_to(options.output.resolve()):
@@ -100,16 +112,17 @@ def with_plan(options: argparse.Namespace, campaign: Callable[[Plan], int]) -> i
                 'replace it')
         if plan.sweep is not None:
             raise PlanError(f'{options.plan} is a sweep; piezo sweep does it')
+        check()
         prepare_directory(options.output, force=options.force)
         return campaign(plan)
     except PlanError as error:
         print(f'piezo: {error}', file=sys.stderr)
         return 2
-    except KeyboardInterrupt:
-        print('piezo: stopped by SIGINT', file=sys.stderr)
+    except KeyboardInterrupt as interrupt:
+        print(f'piezo: {stopped_by(interrupt)}', file=sys.stderr)
         return 1
-    except (BagError, MemoryError, OSError) as error:
-        print(f'piezo: {error}', file=sys.stderr)
+    except (BagError, CampaignError, MemoryError, OSError) as error:
+        print(f'piezo: {failure_text(error)}', file=sys.stderr)
         return 1
 
 

@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from piezo_ros.cli.progress import Progress
+from piezo_ros.interruption import stopped_by
 from piezo_ros.parameters.errors import CampaignError, PlanError
 
 if TYPE_CHECKING:
@@ -92,10 +93,11 @@ def _sweep(options: argparse.Namespace) -> int:
         progress.end()
         print(f'piezo: {error}', file=sys.stderr)
         return 1
-    except KeyboardInterrupt:
+    except KeyboardInterrupt as interrupt:
         progress.end()
         print(
-            'piezo: stopped by SIGINT; the same command goes on from here', file=sys.stderr)
+            f'piezo: {stopped_by(interrupt)}; the same command goes on from here',
+            file=sys.stderr)
         return 1
     progress.end()
     print(summary_table(sweep.results))

@@ -27,12 +27,12 @@ import numpy as np
 import rclpy
 from rclpy.context import Context
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
-from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension, String, UInt64
 
 from piezo_ros.bag import STREAMS
 from piezo_ros.runtime.process.leaving import destroy_after_others
-from piezo_ros.runtime.process.middleware import set_middleware_defaults
+from piezo_ros.runtime.process.middleware import initialise_rclpy
+from piezo_ros.runtime.process.ros_environment import checked_namespace
 from piezo_ros.runtime.streams.qos import EVERY_STATUS, LATCHED, STREAM
 from piezo_ros.streams import Block, MalformedBlockError, block_from_message_fields
 
@@ -161,10 +161,9 @@ class Probe:
     """
 
     def __init__(self, namespace: str, output: str) -> None:
-        set_middleware_defaults()
+        namespace = checked_namespace(namespace)
         self._context = Context()
-        rclpy.init(
-            args=[], context=self._context, signal_handler_options=SignalHandlerOptions.NO)
+        initialise_rclpy(context=self._context)
         self.node = rclpy.create_node(
             _NAME, namespace=namespace, context=self._context, start_parameter_services=False,
             enable_rosout=False)

@@ -24,6 +24,7 @@ from typing import Any
 from piezo_ros.bag import open_recording
 from piezo_ros.experiment.output_directory import PLAN_COPY
 from piezo_ros.experiment.plan import Plan
+from piezo_ros.interruption import interruptible
 from piezo_ros.parameters.errors import CampaignError
 from piezo_ros.parameters.provenance import software_versions
 from piezo_ros.parameters.run import PlannedRun, RunResult
@@ -110,11 +111,12 @@ def run_campaign(
                 f'{planned.prediction.reason}')
     report: Path | None = None
     if scored:
-        report = write_report(
-            directory, title=plan.title, runs=scored, software=software_versions(),
-            notes=notes, predictions=predictions,
-            plan=(directory / PLAN_COPY).read_text(encoding='utf-8'),
-            command=' '.join(['piezo', *sys.argv[1:]]))
+        with interruptible():
+            report = write_report(
+                directory, title=plan.title, runs=scored, software=software_versions(),
+                notes=notes, predictions=predictions,
+                plan=(directory / PLAN_COPY).read_text(encoding='utf-8'),
+                command=' '.join(['piezo', *sys.argv[1:]]))
     if failure:
         raise failure
     return Campaign(tuple(scored), report)

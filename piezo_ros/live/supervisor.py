@@ -28,15 +28,15 @@ from typing import Any
 
 import rclpy
 import yaml
-from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import String
 
-from piezo_ros.interruption import was_interrupted
+from piezo_ros.interruption import STOP_SIGNALS, was_interrupted
 from piezo_ros.live.node_status import BadStatusError, parse_status
 from piezo_ros.live.process_group import POLL_S, ProcessGroup
 from piezo_ros.parameters.errors import CampaignError
 from piezo_ros.runtime.process.leaving import destroy_after_others, exit_after
-from piezo_ros.runtime.process.middleware import set_middleware_defaults
+from piezo_ros.runtime.process.middleware import initialise_rclpy
+from piezo_ros.runtime.process.ros_environment import checked_namespace
 from piezo_ros.runtime.process.running_time import RunningTime
 from piezo_ros.runtime.process.stop_request import StopRequest
 from piezo_ros.runtime.streams.qos import EVERY_STATUS
@@ -68,21 +68,20 @@ class Supervisor:
     """
 
     def __init__(self, namespace: str = '') -> None:
-        set_middleware_defaults()
-        self.namespace = '/' + (namespace or f'piezo_{os.getpid()}').strip('/')
+        self.namespace = checked_namespace(namespace or f'piezo_{os.getpid()}')
         self.processes = ProcessGroup()
         self.statuses: dict[str, dict[str, Any]] = {}
         self.exit_code = 1
         self._stop = StopRequest()
 
     def __enter__(self) -> 'Supervisor':
-        """Listen to the status of the nodes; take over SIGINT and SIGTERM."""
-        self._old_handlers = {
-            number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+        """Listen to the status of the nodes; take over the stop signals."""
+        self._old_handlers = {number: signal.getsignal(number) for number in STOP_SIGNALS}
         self._stop.listen()
-        if was_interrupted(self._old_handlers[signal.SIGINT]):
-            self._stop.signal_number = signal.SIGINT
-        rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+        for handler in self._old_handlers.values():
+            if was_interrupted(handler):
+                self._stop.signal_number = handler.signal_number
+        initialise_rclpy()
         self._node = rclpy.create_node('supervisor', namespace=self.namespace)
         self._subscription = self._node.create_subscription(
             String, 'status', self._note, EVERY_STATUS)

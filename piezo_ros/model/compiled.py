@@ -33,6 +33,7 @@ import numba
 from numba.extending import register_jitable
 
 from piezo_ros.model.step import marked_steps
+from piezo_ros.user_directories import cache_directory
 
 __all__ = ['brief_kernel', 'kernel']
 
@@ -95,5 +96,4 @@ def _cache_directory() -> Path:
     for tier in ('model', 'control'):
         for source in sorted((package / tier).glob('*.py')):
             digest.update(source.read_bytes())
-    root = os.environ.get('XDG_CACHE_HOME') or Path.home() / '.cache'
-    return Path(root) / 'piezo_ros' / digest.hexdigest()[:16]
+    return cache_directory() / 'piezo_ros' / digest.hexdigest()[:16]

@@ -20,6 +20,7 @@ import signal
 import sys
 from typing import TYPE_CHECKING
 
+from piezo_ros.interruption import leave_closed_terminal, set_stop_handler
 from piezo_ros.matrix_threads import use_one_thread
 from piezo_ros.runtime.process.parent import PARENT_VARIABLE
 
@@ -63,8 +64,7 @@ def run_controller(control_law: 'type[ControlLaw]') -> int:
 
 def _run(*names: str, control_law: 'type[ControlLaw] | None' = None) -> int:
     # Until the host takes over, a signal simply ends the process, without a traceback.
-    signal.signal(signal.SIGINT, _end_start)
-    signal.signal(signal.SIGTERM, _end_start)
+    set_stop_handler(_end_start)
     _follow_parent()
     use_one_thread()
     from importlib import import_module
@@ -82,12 +82,12 @@ def _run(*names: str, control_law: 'type[ControlLaw] | None' = None) -> int:
     # Several nodes in one process share the time that the compiler's import takes.
     code = host(lambda: [node(compiled=len(classes) > 1, **own) for node in classes])
     # While Python shuts down, a signal would kill it, and its exit code would be lost.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    set_stop_handler(signal.SIG_IGN)
     return code
 
 
 def _end_start(number: int, _frame: object) -> None:
+    leave_closed_terminal()
     print(f'ended by {signal.Signals(number).name} while it started', file=sys.stderr)
     sys.exit(0)
 
@@ -137,8 +137,7 @@ def loop() -> int:
 
 def stamped() -> int:
     """Run the onlooker that offers the streams as stamped messages."""
-    signal.signal(signal.SIGINT, _end_start)
-    signal.signal(signal.SIGTERM, _end_start)
+    set_stop_handler(_end_start)
     from piezo_ros.nodes.usage import answer_usage
     code = answer_usage(['stamped'], sys.argv)
     if code is not None:

@@ -19,13 +19,12 @@ from typing import Any
 
 import rclpy
 from rclpy.exceptions import ParameterException
-from rclpy.signals import SignalHandlerOptions
 
 from piezo_ros.nodes.stamped import Stamped
 from piezo_ros.runtime.node.rclpy_node.guard import explain
 from piezo_ros.runtime.process.distribution import make_events_executor, name_of_distribution
 from piezo_ros.runtime.process.leaving import exit_after
-from piezo_ros.runtime.process.middleware import set_middleware_defaults
+from piezo_ros.runtime.process.middleware import initialise_rclpy
 from piezo_ros.runtime.process.stop_request import StopRequest
 
 __all__ = ['main']
@@ -54,11 +53,10 @@ def main() -> int:
             f'ros-{name_of_distribution()}-sensor-msgs, or ros-sensor-msgs where ROS comes from '
             'PyPI; nothing else needs it', file=sys.stderr)
         return 1
-    set_middleware_defaults()
     try:
-        rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
-    except RuntimeError as error:
-        # No such parameter file, or arguments that ROS does not understand.
+        initialise_rclpy(sys.argv)
+    except (RuntimeError, ValueError) as error:
+        # No such parameter file, or arguments or an environment that ROS cannot use.
         print(error, file=sys.stderr)
         return 1
     code = 1

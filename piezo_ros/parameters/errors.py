@@ -14,7 +14,9 @@
 
 """Errors of input files and of runs."""
 
-__all__ = ['CampaignError', 'PlanError']
+import os
+
+__all__ = ['CampaignError', 'PlanError', 'failure_text']
 
 
 class PlanError(ValueError):
@@ -23,3 +25,20 @@ class PlanError(ValueError):
 
 class CampaignError(RuntimeError):
     """A run that did not come to its end; the text says what happened and what is left."""
+
+
+def failure_text(error: Exception) -> str:
+    """
+    Return one line for an error of the system, with the file that it is about.
+
+    Parameters
+    ----------
+    error : Exception
+        An OSError or a MemoryError; of another error the line is its text.
+
+    """
+    if isinstance(error, MemoryError):
+        return f'out of memory: {error}' if str(error) else 'out of memory'
+    if isinstance(error, OSError) and error.filename is not None and error.strerror:
+        return f'{os.fsdecode(error.filename)}: {error.strerror}'
+    return str(error)

@@ -29,7 +29,8 @@ def write_atomically(path: Path, content: bytes | str) -> None:
     path : Path
         The file; its directory is made when missing.
     content : bytes or str
-        What to write; text becomes UTF-8, its line ends unchanged.
+        What to write; text becomes UTF-8, its line ends unchanged. Bytes of a file name that are
+        no text are escaped.
 
     Raises
     ------
@@ -40,7 +41,8 @@ def write_atomically(path: Path, content: bytes | str) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(f'.{path.name}.{os.getpid()}.tmp')
     try:
-        temporary.write_bytes(content.encode() if isinstance(content, str) else content)
+        temporary.write_bytes(
+            content.encode(errors='backslashreplace') if isinstance(content, str) else content)
         temporary.replace(path)
     finally:
         temporary.unlink(missing_ok=True)

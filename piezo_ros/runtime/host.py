@@ -27,16 +27,15 @@ from types import FrameType
 from typing import Any
 
 import rclpy
-from rclpy.exceptions import ParameterException
+from rclpy.exceptions import NameValidationException, ParameterException
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.lifecycle import TransitionCallbackReturn
-from rclpy.signals import SignalHandlerOptions
 
 from piezo_ros.runtime.node.handshake import await_acknowledgements
 from piezo_ros.runtime.node.loop_node import LoopNode
 from piezo_ros.runtime.process.distribution import make_events_executor
 from piezo_ros.runtime.process.leaving import exit_after
-from piezo_ros.runtime.process.middleware import set_middleware_defaults
+from piezo_ros.runtime.process.middleware import initialise_rclpy
 from piezo_ros.runtime.process.parent import PARENT_VARIABLE
 from piezo_ros.runtime.process.running_time import RunningTime
 from piezo_ros.runtime.process.stop_request import StopRequest
@@ -114,13 +113,12 @@ def host(make_nodes: Callable[[], Sequence[LoopNode]]) -> int:
     """
     stop = _NodeStop()
     stop.listen()
-    set_middleware_defaults()
     # Of a client that this process has not discovered yet; it hears nothing and asks again.
     warnings.filterwarnings('ignore', 'failed to send response', RuntimeWarning)
     try:
-        rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
-    except RuntimeError as error:
-        # No such parameter file, or arguments that ROS does not understand.
+        initialise_rclpy(sys.argv)
+    except (RuntimeError, ValueError) as error:
+        # No such parameter file, or arguments or an environment that ROS cannot use.
         print(error, file=sys.stderr)
         return 1
     try:
@@ -136,8 +134,8 @@ def _serve(make_nodes: Callable[[], Sequence[LoopNode]], stop: _NodeStop) -> int
     executor = make_events_executor()
     try:
         nodes = list(make_nodes())
-    except (ParameterException, ValueError) as error:
-        # Names the parameter, its value and the range, or the file.
+    except (ParameterException, ValueError, _rclpy.RCLError, NameValidationException) as error:
+        # Names the parameter, its value and the range, or the file; or a name that ROS refuses.
         print(error, file=sys.stderr)
         return 1
     stop.nodes = nodes

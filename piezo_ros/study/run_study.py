@@ -23,6 +23,7 @@ from typing import Any
 from piezo_ros.bag import Run, read
 from piezo_ros.experiment.output_directory import PLAN_COPY
 from piezo_ros.experiment.plan import Plan
+from piezo_ros.interruption import interruptible
 from piezo_ros.parameters.provenance import software_versions
 from piezo_ros.parameters.run import PlannedRun, RunResult
 from piezo_ros.study.experiments import run_experiments
@@ -89,7 +90,8 @@ def run_study(
     }
     for row in record['runs']:
         row['wall_seconds'] = wall_seconds[f'scan_{row["scheme"]}']
-    report = write_study_page(
-        directory, results, record, plan=copy.read_text(encoding='utf-8'),
-        command=' '.join(['piezo', *sys.argv[1:]]))
+    with interruptible():
+        report = write_study_page(
+            directory, results, record, plan=copy.read_text(encoding='utf-8'),
+            command=' '.join(['piezo', *sys.argv[1:]]))
     return results, report

@@ -12,13 +12,19 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Settings of the middleware that must stand before rclpy is initialised."""
+"""Initialises rclpy, with the settings of the middleware that must stand before."""
 
 import os
+from collections.abc import Sequence
+
+import rclpy
+from rclpy.context import Context
+from rclpy.signals import SignalHandlerOptions
 
 from piezo_ros.runtime.process.distribution import name_of_distribution, profiles_of_fastdds
+from piezo_ros.runtime.process.ros_environment import check_ros_environment, checked_arguments
 
-__all__ = ['set_middleware_defaults']
+__all__ = ['initialise_rclpy', 'set_middleware_defaults']
 
 
 def set_middleware_defaults() -> None:
@@ -29,3 +35,29 @@ def set_middleware_defaults() -> None:
     os.environ.setdefault(variable, str(profiles))
     # An installation sets it, wheels do not; it goes into bags.
     os.environ.setdefault('ROS_DISTRO', name_of_distribution())
+
+
+def initialise_rclpy(arguments: Sequence[str] = (), context: Context | None = None) -> None:
+    """
+    Initialise rclpy without its own handlers of signals.
+
+    Parameters
+    ----------
+    arguments : sequence of str, optional
+        The command line, from which it takes what follows ``--ros-args``.
+    context : Context, optional
+        What to initialise, the default context by default.
+
+    Raises
+    ------
+    PlanError
+        If a variable of the environment or the namespace is nothing that ROS can use.
+    RuntimeError
+        If rclpy refuses the arguments: there is no such parameter file, for instance.
+
+    """
+    set_middleware_defaults()
+    check_ros_environment()
+    rclpy.init(
+        args=checked_arguments(arguments), context=context,
+        signal_handler_options=SignalHandlerOptions.NO)

@@ -14,15 +14,16 @@
 
 """The signals that ask a process to end, remembered until its loop looks."""
 
-import signal
 from types import FrameType
+
+from piezo_ros.interruption import leave_closed_terminal, set_stop_handler
 
 __all__ = ['StopRequest']
 
 
 class StopRequest:
     """
-    Handler of SIGINT and SIGTERM that remembers which of them came last.
+    Handler of the stop signals that remembers which of them came last.
 
     Attributes
     ----------
@@ -35,10 +36,10 @@ class StopRequest:
         self.signal_number = 0
 
     def listen(self) -> None:
-        """Take SIGINT and SIGTERM from now on."""
-        signal.signal(signal.SIGINT, self)
-        signal.signal(signal.SIGTERM, self)
+        """Take SIGINT, SIGTERM and SIGHUP from now on."""
+        set_stop_handler(self)
 
     def __call__(self, signal_number: int, _frame: FrameType | None) -> None:
         """Remember a signal."""
         self.signal_number = signal_number
+        leave_closed_terminal()
