@@ -38,7 +38,7 @@ def failure_text(error: Exception) -> str:
 
     """
     if isinstance(error, MemoryError):
-        return f'out of memory: {error}' if str(error) else 'out of memory'
+        return str(error) or 'out of memory'
     if isinstance(error, OSError) and error.filename is not None and error.strerror:
         return f'{os.fsdecode(error.filename)}: {error.strerror}'
     return str(error)

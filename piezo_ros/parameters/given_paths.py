@@ -14,15 +14,18 @@
 
 """Paths of a command line, checked before anything runs."""
 
+import errno
 import os
 import sys
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from piezo_ros.parameters.errors import PlanError
 
 __all__ = ['check_paths']
+
+_NEVER_A_PATH: Final = (errno.ELOOP, errno.ENAMETOOLONG)
 
 
 def check_paths(values: Iterable[Any]) -> None:
@@ -61,7 +64,7 @@ def _check_path(path: Path) -> None:
             'locale; paths must be') from None
     try:
         path.stat()
-    except FileNotFoundError:
-        return
     except OSError as error:
-        raise PlanError(f'{path}: {error.strerror}') from None
+        # What else may be wrong with it is for the command that opens or makes it to say.
+        if error.errno in _NEVER_A_PATH:
+            raise PlanError(f'{path}: {error.strerror}') from None
