@@ -19,8 +19,6 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from piezo_ros.parameters.errors import PlanError
-
 if TYPE_CHECKING:
     from piezo_ros.contract.topics import Finding
 
@@ -126,11 +124,7 @@ def _check_plan(path: Path) -> int:
         return 2
     from piezo_ros.experiment.plan import read_plan
     from piezo_ros.experiment.plan.rig_limits import check_plan
-    try:
-        demands = check_plan(read_plan(path))
-    except PlanError as error:
-        print(f'piezo: {error}', file=sys.stderr)
-        return 2
+    demands = check_plan(read_plan(path))
     for demand in demands:
         print(demand.text)
     beyond = sum(demand.beyond for demand in demands)

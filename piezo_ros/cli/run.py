@@ -25,8 +25,7 @@ from piezo_ros.cli.progress import Progress
 from piezo_ros.experiment.campaign import run_campaign
 from piezo_ros.experiment.output_directory import prepare_directory
 from piezo_ros.experiment.plan import Plan, read_plan
-from piezo_ros.interruption import stopped_by
-from piezo_ros.parameters.errors import CampaignError, PlanError, failure_text
+from piezo_ros.parameters.errors import CampaignError, PlanError
 from piezo_ros.parameters.run import PlannedRun, RunResult
 from piezo_ros.report.run_tables import text_table
 
@@ -115,14 +114,8 @@ def with_plan(
         check()
         prepare_directory(options.output, force=options.force)
         return campaign(plan)
-    except PlanError as error:
+    except (BagError, CampaignError) as error:
         print(f'piezo: {error}', file=sys.stderr)
-        return 2
-    except KeyboardInterrupt as interrupt:
-        print(f'piezo: {stopped_by(interrupt)}', file=sys.stderr)
-        return 1
-    except (BagError, CampaignError, MemoryError, OSError) as error:
-        print(f'piezo: {failure_text(error)}', file=sys.stderr)
         return 1
 
 

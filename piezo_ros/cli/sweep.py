@@ -86,9 +86,6 @@ def _sweep(options: argparse.Namespace) -> int:
         sweep = run_sweep(
             SweepWork(plan, str(options.output.resolve()), options.bags), engine,
             workers=options.workers, progress=progress)
-    except PlanError as error:
-        print(f'piezo: {error}', file=sys.stderr)
-        return 2
     except (CampaignError, ImportError, OSError) as error:
         progress.end()
         print(f'piezo: {error}', file=sys.stderr)
