@@ -133,7 +133,8 @@ class GraphPerRun:
         if stop_signal:
             problems.insert(0, stopped_by(stop_signal))
         if problems:
-            problems += voltage_at_the_end(run.plant_status, killed=run.plant_was_killed)
+            problems += voltage_at_the_end(
+                run.plant_status, killed=self._supervisor.processes.was_killed('plant', 'loop'))
             problems.append(f'logs: {logs}')
             raise CampaignError('; '.join([*problems, *notes]))
         return RunResult(run.wall_seconds, tuple(notes))
@@ -178,13 +179,6 @@ class _LiveRun:
     def plant_status(self) -> dict[str, Any]:
         """The newest status of the plant, nothing before the first."""
         return self._statuses.get('plant', {})
-
-    @property
-    def plant_was_killed(self) -> bool:
-        """Whether the process with the plant came to no end of its own."""
-        return any(
-            self._processes.blamed.get(name, 0) < 0 or name in self._processes.unresponsive
-            for name in ('plant', 'loop'))
 
     @property
     def share_done(self) -> float:

@@ -97,8 +97,8 @@ class KeptGraph:
             processes.stop()
             self._supervisor.take_statuses()
             processes.dead()
-            killed = processes.blamed.get('loop', 0) < 0 or 'loop' in processes.unresponsive
-            voltage = voltage_at_the_end(self._supervisor.statuses.get('plant', {}), killed=killed)
+            voltage = voltage_at_the_end(
+                self._supervisor.statuses.get('plant', {}), killed=processes.was_killed('loop'))
             raise CampaignError('; '.join([str(error), *voltage, *rescue(bag)])) from None
 
     def _run(self, planned: PlannedRun, bag: Path) -> RunResult:

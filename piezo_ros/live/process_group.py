@@ -83,6 +83,11 @@ class ProcessGroup:
                 self.blamed.setdefault(name, code)
         return bool(self.blamed)
 
+    def was_killed(self, *names: str) -> bool:
+        """Return whether one of some executables has come to no end of its own."""
+        return any(
+            self.blamed.get(name, 0) < 0 or name in self.unresponsive for name in names)
+
     def stop(self) -> None:
         """Ask every process to end, and make sure."""
         for step, grace_s in _GRACE_S:
