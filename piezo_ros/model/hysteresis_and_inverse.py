@@ -33,6 +33,7 @@ from piezo_ros.model.hysteresis import (
 )
 from piezo_ros.model.packing import packed_inverse, unpacked_inverse
 from piezo_ros.model.step import step
+from piezo_ros.series import finite_series
 
 __all__ = ['InverseHysteresis', 'MaxwellResistiveCapacitor']
 
@@ -145,13 +146,7 @@ class MaxwellResistiveCapacitor:
     def _run(
         self, array_kernel: Any, name: str, values: ArrayLike, state: NDArray[np.float64] | None,
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        inputs = np.ascontiguousarray(values, dtype=np.float64)
-        if inputs.ndim != 1:
-            raise ValueError(f'{name} has shape {inputs.shape}, it must be one-dimensional')
-        finite = np.isfinite(inputs)
-        if not finite.all():
-            first = int(np.argmin(finite))
-            raise ValueError(f'{name}[{first}] is {inputs[first]}, it must be finite')
+        inputs = finite_series(name, values)
         play = self.virgin_state() if state is None else self._checked(state)
         whole = np.array(hysteresis_state(play.tolist()))
         outputs = np.empty_like(inputs)

@@ -35,6 +35,7 @@ from piezo_ros.model.rig import (
     sample_step,
 )
 from piezo_ros.model.step import step
+from piezo_ros.series import finite_series
 
 __all__ = ['Rig']
 
@@ -82,6 +83,10 @@ class Rig:
         self.sample_period_s = sample_period_s
         self.constants = rig_constants(self.parameters, sample_period_s)
         self.is_compiled = compiled
+        self._kernel: Callable[..., None] | None = None
+        if compiled:
+            from piezo_ros.model import kernels
+            self._kernel = kernels.creeping_rig_array if self.constants.creep else kernels.rig_array
         self.reset()
 
     @property
@@ -98,10 +103,7 @@ class Rig:
         """Return to rest at the operating point, never driven, index 0."""
         self._state = initial_state(self.constants)
         self.memory = np.empty(0)
-        self._kernel: Callable[..., None] | None = None
         if self.is_compiled:
-            from piezo_ros.model import kernels
-            self._kernel = kernels.creeping_rig_array if self.constants.creep else kernels.rig_array
             self.memory = packed_rig(self._state, self.constants)
             self._state = unpacked_state(self.memory)
         self.index = 0
@@ -212,14 +214,7 @@ class Rig:
             If a voltage is not finite, or the shape is wrong.
 
         """
-        inputs = np.ascontiguousarray(voltage_v, dtype=np.float64)
-        if inputs.ndim != 1:
-            raise ValueError(f'voltage_v has shape {inputs.shape}, it must be one-dimensional')
-        finite = np.isfinite(inputs)
-        if not finite.all():
-            first = int(np.argmin(finite))
-            raise ValueError(f'voltage_v[{first}] is {inputs[first]}, it must be finite')
-        return self.answer(self.index, inputs)
+        return self.answer(self.index, finite_series('voltage_v', voltage_v))
 
 
 @step
