@@ -23,11 +23,13 @@ from rosbags.rosbag2 import Reader
 
 from piezo_ros.bag import STREAMS, read
 
-KILL, TERM, INT = signal.SIGKILL, signal.SIGTERM, signal.SIGINT
+KILL, TERM, INT, HUP = signal.SIGKILL, signal.SIGTERM, signal.SIGINT, signal.SIGHUP
 
 
 @pytest.mark.parametrize(('number', 'processes'), [
     (TERM, '--composed'),
+    (HUP, '--composed'),
+    pytest.param(HUP, '--separate', marks=pytest.mark.slow),
     pytest.param(INT, '--separate', marks=pytest.mark.slow),
     pytest.param(TERM, '--separate', marks=pytest.mark.slow),
     pytest.param(INT, '--composed', marks=pytest.mark.slow)])
