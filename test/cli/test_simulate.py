@@ -37,7 +37,7 @@ def output(tmp_path):
 def test_a_plan_is_simulated_and_reported(plan, output, capsys):
     assert simulate(plan, '-o', output) == 0
     out, err = capsys.readouterr()
-    # The result goes to programs that read the output, the progress to people who watch.
+    # Programs read the result from stdout; the progress goes to the terminal.
     assert f'report: {output / "report.html"}' in out
     assert 'NRMSE' in out
     assert '[1/2] ff: triangle' in err

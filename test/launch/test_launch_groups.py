@@ -15,7 +15,7 @@
 """
 The launch files under the real `launch`, with stand-ins for the nodes that end when they are told.
 
-What each process is started with, and whose end ends whom. Real nodes: test/live.
+What each process is started with, and which others end with it. Real nodes: test/live.
 """
 
 import contextlib

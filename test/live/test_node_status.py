@@ -47,7 +47,7 @@ def test_what_a_foreign_node_does_not_say_has_a_value():
     ('[1]', 'is not an object'),
     ('7', 'is not an object'),
     ('{"a": 1}', "node is ''"),
-    ('{"node": "somebody"}', "node is 'somebody'"),
+    ('{"node": "foreign"}', "node is 'foreign'"),
     (json.dumps({**GOOD, 'index': 'seven'}), "index is 'seven'"),
     (json.dumps({**GOOD, 'index': True}), 'index is True'),
     (json.dumps({**GOOD, 'state': None}), 'state is None'),

@@ -89,7 +89,7 @@ class Player:
 
 @pytest.fixture(scope='module')
 def recorded(make_rig, write_plan):
-    """A rig in whose namespace two runs were recorded, and their bags by scheme."""
+    """A rig, and by scheme the bags of two runs that were recorded in its namespace."""
     rig = make_rig()
     schemes = ('fbff', 'ff')
     process = rig.piezo(

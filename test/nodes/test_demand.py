@@ -15,17 +15,11 @@
 """The demand: it leads what is consumed, grows only, and ends with zero."""
 
 import pytest
-from fake_transport import FakeTransport
 from std_msgs.msg import UInt64
 
 from piezo_ros.nodes.demand import DemandReader, DemandWriter
 from piezo_ros.runtime.streams.fault import StreamFault
 from piezo_ros.runtime.streams.qos import EVERY_STATUS, LATCHED
-
-
-@pytest.fixture
-def transport():
-    return FakeTransport()
 
 
 @pytest.fixture

@@ -298,11 +298,11 @@ def test_a_foreign_node_shows_its_newest_sample_itself(rig, peer, listen, block)
     ({'stamp': 'sim'}, "stamp is 'sim', allowed are auto, simulated, wall"),
     ({'rate_hz': 0.0}, 'rate_hz'),
     ({'joint': "''"}, "joint is '', it must be a name"),
-    ({'qos_overrides./rig/stamped/voltage.publisher.history': 'nonsense'}, 'nonsense'),
+    ({'qos_overrides.{namespace}/stamped/voltage.publisher.history': 'nonsense'}, 'nonsense'),
 ])
 def test_parameters_that_cannot_be_are_refused_in_a_line(rig, parameters, words):
-    rig.namespace = '/rig'
-    stamped = rig.node('stamped', **parameters)
+    stamped = rig.node('stamped', **{
+        name.format(namespace=rig.namespace): value for name, value in parameters.items()})
     assert stamped.wait() == 1
     assert words in stamped.output
     assert 'stamped cannot start' in stamped.output

@@ -288,6 +288,20 @@ def peer(rig, make_peer):
 
 
 @pytest.fixture
+def transport():
+    """Topics in memory."""
+    from fake_transport import FakeTransport
+
+    return FakeTransport()
+
+
+@pytest.fixture
+def owner(transport):
+    """A node, as its streams see it, on these topics."""
+    return transport.owner()
+
+
+@pytest.fixture
 def block():
     from foreign_peer import typed_block
 

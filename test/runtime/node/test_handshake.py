@@ -16,7 +16,6 @@
 
 import pytest
 from fake_node import fake_hooks
-from fake_transport import FakeTransport
 
 from piezo_ros.runtime.node.handshake import await_peers
 from piezo_ros.runtime.node.hooks import NodeHooks
@@ -48,11 +47,6 @@ class Choosy(Answering):
 
     def missing_peers(self):
         return self.missing
-
-
-@pytest.fixture
-def transport():
-    return FakeTransport()
 
 
 @pytest.fixture

@@ -15,23 +15,13 @@
 """A reader that does not take: its writer waits, says so, and loses nothing."""
 
 import pytest
-from fake_transport import PERIOD_S, FakeTransport, take_all
+from fake_transport import PERIOD_S, take_all
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from piezo_ros.runtime.streams.outlet import Outlet
 
 ATTEMPT_S = 0.1  # after which publishing fails while a reader does not take
 BEST_EFFORT = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
-
-
-@pytest.fixture
-def transport():
-    return FakeTransport()
-
-
-@pytest.fixture
-def owner(transport):
-    return transport.owner()
 
 
 @pytest.fixture

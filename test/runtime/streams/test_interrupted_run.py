@@ -22,11 +22,6 @@ from hypothesis import strategies as st
 
 
 @pytest.fixture
-def transport():
-    return FakeTransport()
-
-
-@pytest.fixture
 def ends(transport):
     """Return a reader and a writer of which a run has begun."""
     reader, writer = transport.reader('voltage'), transport.writer('voltage')

@@ -18,21 +18,11 @@ import math
 
 import numpy as np
 import pytest
-from fake_transport import PERIOD_S, FakeTransport, take_all
+from fake_transport import PERIOD_S, take_all
 
 from piezo_ros.runtime.streams.bursts import answer_waiting
 from piezo_ros.runtime.streams.fault import StreamFault
 from piezo_ros.streams import BlockCodec
-
-
-@pytest.fixture
-def transport():
-    return FakeTransport()
-
-
-@pytest.fixture
-def owner(transport):
-    return transport.owner()
 
 
 @pytest.fixture

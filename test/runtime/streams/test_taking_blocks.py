@@ -16,14 +16,9 @@
 
 import numpy as np
 import pytest
-from fake_transport import PERIOD_S, FakeTransport, take_all
+from fake_transport import PERIOD_S, take_all
 from rclpy.serialization import serialize_message
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension
-
-
-@pytest.fixture
-def transport():
-    return FakeTransport()
 
 
 @pytest.fixture
