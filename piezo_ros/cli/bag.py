@@ -84,7 +84,9 @@ def _info(options: argparse.Namespace) -> tuple[str, ...]:
     for name, value in run.metadata.items():
         print(f'{name:28}{value}')
     print(f'parameters of  {", ".join(run.parameters) or "no node"}')
-    return run.lost
+    for topic, why in run.facts.unlike.items():
+        print(f'no stream      {topic} {why}')
+    return *run.lost, *run.uneven()
 
 
 def _remapped(namespace: str, stream: str, topic: str) -> str:

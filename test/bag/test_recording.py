@@ -84,13 +84,13 @@ def test_the_pieces_together_are_the_run(bag):
 def test_only_the_chunks_that_are_needed_are_decompressed(bag, monkeypatch):
     recording = open_recording(bag)
     opened = []
-    decompress = mcap_file.get_chunk_data_stream
+    decompress = mcap_file.chunk_data
 
-    def watched(chunk, **options):
+    def watched(chunk):
         opened.append(chunk)
-        return decompress(chunk, **options)
+        return decompress(chunk)
 
-    monkeypatch.setattr(mcap_file, 'get_chunk_data_stream', watched)
+    monkeypatch.setattr(mcap_file, 'chunk_data', watched)
     recording.part(0, 1000)
     everything = len(opened)
     opened.clear()
