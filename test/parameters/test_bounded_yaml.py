@@ -39,7 +39,7 @@ BOMB = 'a0: &a0 [x, x, x, x, x, x, x, x, x, x]\n' + ''.join(
     ('a: [', 'expected'),
     ('!!python/object:os.system {}', 'could not determine a constructor'),
     ('2001-99-99', 'month'),
-    (b'\xff\xfe\xfa', ''),
+    (b'a: \xff', 'UTF-8|utf-8|utf8'),
     ('x' * (MAXIMUM_BYTES + 1), 'bytes of YAML, at most'),
 ], ids=lambda value: str(value)[:20])
 def test_a8_yaml_out_of_bounds_is_refused_with_its_cause(text, words):
