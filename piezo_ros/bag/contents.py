@@ -23,12 +23,18 @@ from mcap.records import Attachment, Metadata
 
 from piezo_ros.bag.container.chunk_scan import HEAD_BYTES, MESSAGE_HEAD_BYTES, unaligned
 from piezo_ros.bag.container.mcap_file import McapFile, Piece
-from piezo_ros.bag.container.rosbag2_files import mcap_files
-from piezo_ros.bag.description import LOST_KEY, recorded_metadata, recorded_parameters
+from piezo_ros.bag.container.rosbag2_files import BagFiles, bag_files
+from piezo_ros.bag.description import (
+    LOST_KEY,
+    intact_records,
+    recorded_metadata,
+    recorded_parameters,
+)
 from piezo_ros.bag.errors import BagError
 from piezo_ros.bag.sinks import Sink
-from piezo_ros.bag.stream_assembly import StreamAssembler
-from piezo_ros.bag.topics import Place, Rigs, array_topic, named_topics
+from piezo_ros.bag.stream_assembly import StreamAssembler, same_period
+from piezo_ros.bag.topic_messages import MessageCounts, messages_by_topic
+from piezo_ros.bag.topics import Place, Rigs, named_topics, unlike_stream, unlike_words
 from piezo_ros.streams import STREAMS, labelled_stream
 from piezo_ros.streams.message_type import TYPE_NAME
 
@@ -65,6 +71,8 @@ class Facts(Generic[_Sink]):
         Names of all topics in the bag.
     stream_topics : dict of str to str
         The topic of each of the streams.
+    unlike : dict of str to str
+        Topic with the name of a stream to why it is none.
 
     """
 
@@ -78,6 +86,7 @@ class Facts(Generic[_Sink]):
     lost: tuple[str, ...]
     topics: tuple[str, ...]
     stream_topics: dict[str, str]
+    unlike: dict[str, str]
 
 
 class Contents(Generic[_Sink]):
@@ -113,49 +122,61 @@ class Contents(Generic[_Sink]):
         self._path = path
         self._sink = sink
         self._keep_not_finite = keep_not_finite
-        files = mcap_files(path)
+        files = bag_files(path)
         self._named: dict[str, Place] = {}
+        self.files: dict[Path, McapFile] = {}
         self._read(files)
         named = named_topics(self._metadata)
-        if any(self._kinds.get(topic, stream) != stream for topic, (_, stream) in named.items()):
+        misnamed = any(
+            self._kinds.get(topic, stream) != stream for topic, (_, stream) in named.items())
+        if misnamed or self._counts.early():
             # The record came behind messages on topics with the name of another stream, as in a
-            # bag that another program has converted.
+            # bag that another program has converted; or that of a channel behind its messages.
             self._named = named
             self._read(files)
         self._rigs = Rigs(
             {topic: assembler.stream for topic, (assembler, _) in self._streams.items()},
             {**named_topics(self._metadata), **self._named})
 
-    def _read(self, files: list[Path]) -> None:
-        """Read all files, from the first on."""
+    def _read(self, files: BagFiles) -> None:
+        """Read all files, from the first on; the second time with the channels that are known."""
+        known = self.files
         self._metadata: list[Metadata] = []
         self._attachments: list[Attachment] = []
-        self._damage: list[str] = []
+        self._damage = list(files.lost)
+        self._counts = MessageCounts()
+        self._unlike: dict[str, str] = {}
         self._topics: set[str] = set()
         self._kinds: dict[str, str | None] = {}  # topic -> its stream, None if it is none
         self._streams: dict[str, tuple[StreamAssembler, _Sink]] = {}  # by topic
         self.spans: dict[Path, dict[int, Span]] = {}
-        self.files: dict[Path, McapFile] = {}
-        for file in files:
-            self._add(file)
+        self.files = {}
+        for path in files.paths:
+            self._add(McapFile(path, known.get(path)))
+        self._damage += [*self._counts.nameless(), *self._counts.missing(files.messages)]
 
-    def _add(self, path: Path) -> None:
-        file = McapFile(path)
+    def _add(self, file: McapFile) -> None:
+        path = file.path
         self.files[path] = file
+        self._counts.begin(file)
         self.spans[path] = {
             piece.position: self._take(file, piece) for piece in file.pieces()}
         self._topics.update(channel.topic for channel in file.channels.values())
-        self._metadata += file.metadata
+        self._unlike.update(
+            (channel.topic, why) for channel in file.channels.values()
+            if (why := unlike_stream(file.schemas, channel)) is not None)
+        intact, damaged = intact_records(file.metadata)
+        self._metadata += intact
         self._attachments += file.attachments
-        self._damage += file.damage
+        self._damage += [*file.damage, *file.vanished()]
+        if damaged:
+            self._damage.append(
+                f'{path.name}: {damaged} metadata records of piezo_ros with a wrong digest')
 
     def _take(self, file: McapFile, piece: Piece) -> Span:
         """Hand the samples in a piece to their sinks and return which these are."""
         span: Span = {}
-        for number, messages in piece.by_channel():
-            topic = array_topic(file.schemas, file.channels.get(number))
-            if topic is None:
-                continue
+        for topic, messages in messages_by_topic(file, piece, self._counts).items():
             if topic not in self._kinds:
                 self._kinds[topic] = self._kind(topic, file, piece, int(messages[0]))
             stream = self._kinds[topic]
@@ -175,7 +196,8 @@ class Contents(Generic[_Sink]):
 
     def _kind(self, topic: str, file: McapFile, piece: Piece, start: int) -> str | None:
         """Return the stream of a topic: by the record, its name or the label of its first block."""
-        named = {**named_topics([*self._metadata, *file.metadata]), **self._named}
+        intact, _ = intact_records(file.metadata)
+        named = {**named_topics([*self._metadata, *intact]), **self._named}
         if topic in named:
             return named[topic].stream
         last = topic.rpartition('/')[2]
@@ -183,6 +205,11 @@ class Contents(Generic[_Sink]):
             return last
         length = int(unaligned(piece.data, '<u8')[start + 1])
         return labelled_stream(piece.data[start + MESSAGE_HEAD_BYTES:start + HEAD_BYTES + length])
+
+    def problems(self) -> list[str]:
+        """Return what is wrong with the streams of all rigs."""
+        return [
+            assembler.loss for assembler, _ in self._streams.values() if assembler.loss is not None]
 
     def facts(self, namespace: str | None, *, allow_loss: bool) -> Facts[_Sink]:
         """
@@ -211,7 +238,7 @@ class Contents(Generic[_Sink]):
         topics = self._stream_topics(chosen)
         found = {stream: self._streams[topic] for stream, topic in topics.items()}
         problems = [
-            assembler.problem for assembler, _ in found.values() if assembler.problem is not None]
+            assembler.loss for assembler, _ in found.values() if assembler.loss is not None]
         if problems and not allow_loss:
             raise BagError(f'{path}: {"; ".join(problems)}')
         streams = {stream: pair for stream, pair in found.items() if pair[0].count}
@@ -221,7 +248,8 @@ class Contents(Generic[_Sink]):
             chosen, period_s, start, stop - start, streams,
             recorded_parameters(path, self._attachments), metadata,
             (*metadata.get(LOST_KEY, '').splitlines(), *self._damage, *problems),
-            tuple(sorted(self._topics)), {stream: topics[stream] for stream in streams})
+            tuple(sorted(self._topics)), {stream: topics[stream] for stream in streams},
+            self._unlike)
 
     def _namespace(self, wanted: str | None) -> str:
         """Return the namespace to read."""
@@ -231,7 +259,7 @@ class Contents(Generic[_Sink]):
             raise BagError(
                 f'{self._path} has no stream: no messages of type {TYPE_NAME} on a topic that '
                 f'ends in one of {", ".join(STREAMS)} or labelled as one; its topics are '
-                f'{topics}')
+                f'{topics}{unlike_words(self._unlike)}')
         if wanted is not None:
             name = '/' + wanted.strip('/')
             if name not in rigs.topics:
@@ -268,7 +296,7 @@ def _common(
         raise BagError(f'{path} has no sample{"; ".join(["", *problems])}')
     (first_name, first), *others = streams.items()
     for name, stream in others:
-        if stream.sample_period_s != first.sample_period_s:
+        if not same_period(first.sample_period_s, stream.sample_period_s):
             raise BagError(
                 f'{path}: the sample period of stream {name!r} is {stream.sample_period_s} s, '
                 f'that of {first_name!r} is {first.sample_period_s} s')

@@ -15,18 +15,21 @@
 """
 What a bag says of its run: the metadata record 'piezo_ros' and the parameters of the nodes.
 
-Both may come several times in a bag, as more is learned during the run; later entries win.
+Both may come several times in a bag, as more is learned during the run; later entries win. MCAP has
+a checksum for attachments but none for metadata, therefore the record carries a digest of its own.
 """
 
+import hashlib
+import json
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, Final
 
-import yaml
 from mcap.records import Attachment, Metadata
 
 from piezo_ros.bag.errors import BagError
 from piezo_ros.bag.topics import NAMESPACE_KEY, TOPIC_KEY
+from piezo_ros.parameters.bounded_yaml import YamlError, yaml_content
 
 __all__ = [
     'FORMAT_VERSION',
@@ -34,14 +37,17 @@ __all__ = [
     'PARAMETERS_NAME',
     'RECORD_NAME',
     'checked_metadata',
+    'intact_records',
     'recorded_metadata',
     'recorded_parameters',
+    'with_digest',
 ]
 
 FORMAT_VERSION: Final = '1'
 RECORD_NAME: Final = 'piezo_ros'
 PARAMETERS_NAME: Final = 'parameters.yaml'
 LOST_KEY: Final = 'lost'  # entry in which a salvaged bag names its losses
+_DIGEST_KEY: Final = 'digest'
 
 
 def checked_metadata(metadata: Mapping[str, str]) -> dict[str, str]:
@@ -57,9 +63,49 @@ def checked_metadata(metadata: Mapping[str, str]) -> dict[str, str]:
     for key, value in metadata.items():
         if not isinstance(value, str):
             raise ValueError(f'metadata entry {key!r} is {value!r}, it must be a string')
-        if key in ('format_version', NAMESPACE_KEY) or key.startswith(TOPIC_KEY):
+        if key in ('format_version', NAMESPACE_KEY, _DIGEST_KEY) or key.startswith(TOPIC_KEY):
             raise ValueError(f"metadata entry {key!r} is the writer's own")
     return {**metadata, 'format_version': FORMAT_VERSION}
+
+
+def with_digest(entries: Mapping[str, str]) -> dict[str, str]:
+    """Return the entries of a metadata record with their digest."""
+    return {**entries, _DIGEST_KEY: _digest(entries)}
+
+
+def _digest(entries: Mapping[str, str]) -> str:
+    text = json.dumps(sorted(entries.items()))
+    return f'sha256:{hashlib.sha256(text.encode()).hexdigest()}'
+
+
+def intact_records(records: Iterable[Metadata]) -> tuple[list[Metadata], int]:
+    """
+    Return metadata records without those of this package that have changed since.
+
+    Parameters
+    ----------
+    records : iterable of Metadata
+        Records of any name.
+
+    Returns
+    -------
+    intact : list of Metadata
+        The others, without their digests; a record of this package without one is intact.
+    damaged : int
+        How many have another digest than they should.
+
+    """
+    intact, damaged = [], 0
+    for record in records:
+        if record.name == RECORD_NAME:
+            entries = dict(record.metadata)
+            digest = entries.pop(_DIGEST_KEY, None)
+            if digest not in (None, _digest(entries)):
+                damaged += 1
+                continue
+            record = Metadata(name=record.name, metadata=entries)
+        intact.append(record)
+    return intact, damaged
 
 
 def recorded_metadata(path: Path, records: Iterable[Metadata]) -> dict[str, str]:
@@ -101,11 +147,31 @@ def recorded_parameters(
         if attachment.name != PARAMETERS_NAME:
             continue
         try:
-            nodes = yaml.load(attachment.data, getattr(yaml, 'CSafeLoader', yaml.SafeLoader)) or {}
-            for node, content in nodes.items():
-                parameters.setdefault(node, {}).update(content['ros__parameters'] or {})
-        except (yaml.YAMLError, AttributeError, KeyError, TypeError, ValueError) as error:
+            sections = _sections(yaml_content(attachment.data))
+        except (YamlError, _OtherFormError) as error:
             raise BagError(
                 f'{path}: the attachment {PARAMETERS_NAME} is no ROS parameter file '
                 f'({error})') from error
+        for node, values in sections.items():
+            parameters.setdefault(node, {}).update(values)
     return parameters
+
+
+class _OtherFormError(ValueError):
+    """YAML that is no ROS parameter file."""
+
+
+def _sections(content: Any) -> dict[str, Mapping[str, Any]]:
+    """Return node name to parameters of a ROS parameter file without nested namespaces."""
+    sections: dict[str, Mapping[str, Any]] = {}
+    if not isinstance(content or {}, Mapping):
+        raise _OtherFormError('the top level is no mapping')
+    for node, section in (content or {}).items():
+        if not isinstance(section, Mapping) or 'ros__parameters' not in section:
+            raise _OtherFormError(f'{node!r} has no mapping ros__parameters')
+        values = section['ros__parameters'] or {}
+        if not isinstance(values, Mapping) or not all(
+                isinstance(name, str) for name in (node, *values)):
+            raise _OtherFormError(f'the parameters of {node!r} are no mapping of names')
+        sections[node] = values
+    return sections

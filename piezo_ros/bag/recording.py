@@ -25,7 +25,7 @@ from piezo_ros.bag.errors import BagError
 from piezo_ros.bag.run import Run, Samples, check_part, missing_stream, run_of
 from piezo_ros.bag.sinks import Collected, Extremes
 from piezo_ros.bag.stream_assembly import StreamAssembler
-from piezo_ros.bag.topics import array_topic
+from piezo_ros.bag.topic_messages import messages_by_topic
 from piezo_ros.streams import STREAMS
 
 __all__ = ['Recording', 'StreamSummary', 'open_recording']
@@ -120,6 +120,27 @@ class Recording:
                 self.facts.stream_topics[stream])
             for stream, (assembler, extremes) in self.facts.streams.items()}
 
+    def uneven(self) -> tuple[str, ...]:
+        """
+        Return sentences that say which samples of which stream other streams have.
+
+        The displacement is measured once more after the last voltage.
+        """
+        streams = {name: assembler for name, (assembler, _) in self.facts.streams.items()}
+        ends = {name: each.start_index + each.count for name, each in streams.items()}
+        first = min(each.start_index for each in streams.values())
+        steps = max(end - (name == 'displacement') for name, end in ends.items())
+        complete = any(each.ended for name, each in streams.items() if name != 'displacement')
+        sentences = []
+        for name, each in streams.items():
+            if each.start_index > first:
+                sentences.append(_missing(name, first, each.start_index))
+            # A recorder that is stopped early, or a foreign rig, need not measure once more.
+            once_more = name == 'displacement' and complete and not each.ended
+            if ends[name] < steps + once_more:
+                sentences.append(_missing(name, ends[name], steps + (name == 'displacement')))
+        return tuple(sentences)
+
     def described(self, metadata: Mapping[str, str]) -> 'Recording':
         """Return the recording with other metadata, for bags that have none."""
         return replace(self, facts=replace(self.facts, metadata=dict(metadata)))
@@ -157,7 +178,8 @@ class Recording:
         wanted = tuple(self.facts.streams) if streams is None else tuple(streams)
         for stream in wanted:
             if stream not in self.facts.streams:
-                raise missing_stream(self.path, stream, self.namespace, self.facts.topics)
+                raise missing_stream(
+                    self.path, stream, self.namespace, self.facts.topics, self.facts.unlike)
         sinks = {stream: Collected(kept) for stream in wanted}
         self._read(sinks, kept)
         samples = {stream: sinks[stream].samples() for stream in STREAMS if stream in sinks}
@@ -191,7 +213,8 @@ class Recording:
         """Hand samples to the sinks, from those pieces of the files that contain them."""
         assemblers = {
             self.facts.stream_topics[stream]: StreamAssembler(
-                stream, sink, keep_not_finite=self._keep_not_finite)
+                stream, sink, keep_not_finite=self._keep_not_finite,
+                sample_period_s=self.sample_period_s)
             for stream, sink in sinks.items()}
         for path, spans in self._spans.items():
             needed = {
@@ -200,14 +223,10 @@ class Recording:
             if not needed:
                 continue
             surveyed = self._files[path]
-            file = McapFile(path)
-            # These may be in a piece that is not read again.
-            file.schemas.update(surveyed.schemas)
-            file.channels.update(surveyed.channels)
+            file = McapFile(path, surveyed)  # channels may be in a piece that is not read again
             for piece in file.pieces(needed):
-                for number, messages in piece.by_channel():
-                    topic = array_topic(file.schemas, file.channels.get(number))
-                    if topic is not None and topic in needed.get(piece.position, ()):
+                for topic, messages in messages_by_topic(file, piece).items():
+                    if topic in needed.get(piece.position, ()):
                         assemblers[topic].add(piece, messages)
 
     @staticmethod
@@ -220,6 +239,12 @@ class Recording:
         return frozenset(
             topic for topic, (first, stop) in span.items()
             if topic in topics and first < kept.stop and stop > kept.start)
+
+
+def _missing(stream: str, start: int, stop: int) -> str:
+    return (
+        f'samples {start} … {stop - 1} of stream {stream!r} are missing, by the length of the '
+        f'other streams ({stop - start} samples)')
 
 
 def open_recording(

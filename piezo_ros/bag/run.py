@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from piezo_ros.bag.contents import Facts
 from piezo_ros.bag.errors import BagError
+from piezo_ros.bag.topics import unlike_words
 
 __all__ = ['Run', 'Samples', 'check_part', 'missing_stream', 'run_of']
 
@@ -71,6 +72,8 @@ class Run:
         `salvage`.
     topics : tuple of str
         Names of all topics in the bag.
+    unlike : mapping of str to str
+        Topic with the name of a stream to why it is none.
 
     """
 
@@ -84,6 +87,7 @@ class Run:
     lost: tuple[str, ...]
     topics: tuple[str, ...]
     _streams: Mapping[str, Samples] = field(repr=False)
+    unlike: Mapping[str, str] = field(default_factory=dict, repr=False)
 
     @property
     def streams(self) -> tuple[str, ...]:
@@ -144,7 +148,8 @@ class Run:
 
         """
         if stream not in self._streams:
-            raise missing_stream(self.path, stream, self.namespace, self.topics)
+            raise missing_stream(
+                self.path, stream, self.namespace, self.topics, self.unlike)
         return self._streams[stream]
 
     def _aligned(self, stream: str) -> NDArray[np.float64]:
@@ -202,16 +207,17 @@ def run_of(
         start_index=facts.start_index if start_index is None else start_index,
         samples=facts.samples if samples is None else samples,
         parameters=facts.parameters, metadata=facts.metadata, topics=facts.topics,
-        _streams=streams, lost=facts.lost)
+        _streams=streams, lost=facts.lost, unlike=facts.unlike)
 
 
 def missing_stream(
     path: Path, stream: str, namespace: str, topics: tuple[str, ...],
+    unlike: Mapping[str, str],
 ) -> BagError:
     """Return the error that a run lacks a stream."""
     return BagError(
         f'{path} has no samples of the stream {stream!r} in the namespace {namespace}; its topics '
-        f'are {", ".join(topics)}')
+        f'are {", ".join(topics)}{unlike_words(unlike)}')
 
 
 def check_part(start: int, stop: int, samples: int) -> None:

@@ -14,26 +14,41 @@
 
 """Salvage of a bag that was cut off or damaged."""
 
+import hashlib
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, Final
 
-import yaml
+import numpy as np
 from mcap.records import Attachment, Channel, Metadata
+from numpy.typing import NDArray
 
-from piezo_ros.bag.container.chunk_scan import HEAD_BYTES, MESSAGE_HEAD_BYTES
-from piezo_ros.bag.container.mcap_file import McapFile
-from piezo_ros.bag.container.rosbag2_files import mcap_files
-from piezo_ros.bag.container.rosbag2_writer import Rosbag2Writer, Topic
-from piezo_ros.bag.description import FORMAT_VERSION, LOST_KEY, RECORD_NAME
-from piezo_ros.bag.errors import BagError
+from piezo_ros.bag.container.chunk_scan import HEAD_BYTES, MESSAGE_HEAD_BYTES, unaligned
+from piezo_ros.bag.container.mcap_file import McapFile, Piece
+from piezo_ros.bag.container.rosbag2_files import BagFiles, bag_files
+from piezo_ros.bag.container.rosbag2_writer import MAXIMUM_TIME_NS, Rosbag2Writer, Topic
+from piezo_ros.bag.contents import Contents
+from piezo_ros.bag.description import (
+    FORMAT_VERSION,
+    LOST_KEY,
+    RECORD_NAME,
+    intact_records,
+    with_digest,
+)
+from piezo_ros.bag.errors import BagError, BagExistsError
+from piezo_ros.bag.sinks import Sink
+from piezo_ros.bag.topic_messages import MessageCounts
 from piezo_ros.bag.topics import remapped_part
+from piezo_ros.parameters.bounded_yaml import YamlError, yaml_content
 
 __all__ = ['Salvage', 'salvage']
 
 _ROSBAG2_RECORD: Final = 'rosbag2'  # counts of the cut bag; the new bag has its own
+_LOG_TIME_OFFSET: Final = 15
 _read_message_head = struct.Struct('<xQHIQQ').unpack_from
 
 
@@ -63,8 +78,9 @@ def salvage(path: Path | str, output: Path | str, *, compression: str = 'zstd') 
     Write a new whole bag with everything that is whole in a cut or damaged one.
 
     All topics are kept, with their log times, and so are metadata and attachments. Of a chunk that
-    is cut off the whole messages are kept if it is uncompressed, else none. The losses are also
-    noted in the new bag, where `read` finds them.
+    is cut off the whole messages are kept if it is uncompressed, else none. Of a chunk that comes
+    twice, as in equal files, the first is kept. The losses are also noted in the new bag, where
+    `read` finds them. The new bag appears once it is whole.
 
     Parameters
     ----------
@@ -88,59 +104,151 @@ def salvage(path: Path | str, output: Path | str, *, compression: str = 'zstd') 
         If the bag cannot be read, no message in it is whole, or the output cannot be written.
 
     """
-    files = mcap_files(Path(path))
+    output = Path(output)
+    files = bag_files(Path(path))
     # Read twice, because the new bag begins with the losses and the channels, which are known
     # only at the end.
-    survey = _Survey()
-    for file in files:
-        survey.add(file)
+    survey = _surveyed(files, {})
+    if survey.counts.early():
+        survey = _surveyed(files, survey.files)
     if not survey.messages:
         raise BagError(f'{path} holds no whole message: {"; ".join(survey.lost)}')
+    with _put_in_place(output) as unfinished:
+        _write(survey, unfinished, compression)
+        # Samples that are no numbers are not lost, hence they may be in the streams.
+        found = Contents(unfinished, _no_sink, keep_not_finite=True)
+    return Salvage(output, dict(survey.messages), (*survey.lost, *found.problems()))
+
+
+def _no_sink() -> Sink:
+    return lambda index, samples: None
+
+
+def _surveyed(files: BagFiles, known: Mapping[Path, McapFile]) -> '_Survey':
+    survey = _Survey(known)
+    for path in files.paths:
+        survey.add(path)
+    survey.finish(files)
+    return survey
+
+
+@contextmanager
+def _put_in_place(output: Path) -> Iterator[Path]:
+    """Yield a directory beside the output, which becomes the output unless an error is raised."""
+    exists = BagExistsError(f'{output} exists; a bag is never overwritten')
+    if output.exists() or output.is_symlink():
+        raise exists
+    try:
+        output.parent.mkdir(parents=True, exist_ok=True)
+        with TemporaryDirectory(prefix='.salvage-', dir=output.parent) as beside:
+            # The name of the file is that of the directory.
+            unfinished = Path(beside) / output.resolve().name
+            yield unfinished
+            unfinished.rename(output)
+    except OSError as error:
+        if isinstance(error, BagError):
+            raise
+        raise BagError(f'cannot create the bag {output}: {error.strerror}') from error
+    except BagError as error:
+        if isinstance(error.__cause__, OSError):  # what is written so far is not kept
+            raise BagError(f'cannot write {output}: {error.__cause__.strerror}') from error
+        raise
+
+
+def _write(survey: '_Survey', directory: Path, compression: str) -> None:
+    """Write what has been surveyed into a new bag."""
     records = survey.records()
-    with Rosbag2Writer(Path(output), compression=compression, custom_data=records[0]) as bag:
+    with Rosbag2Writer(directory, compression=compression, custom_data=records[0]) as bag:
         for record in records:
             if record:
-                bag.add_metadata(RECORD_NAME, record)
+                bag.add_metadata(RECORD_NAME, with_digest(record))
         for metadata in survey.metadata:
             bag.add_metadata(metadata.name, metadata.metadata)
         for attachment in survey.attachments:
             bag.add_attachment(attachment.name, attachment.media_type, attachment.data)
         numbers = {topic.name: bag.add_topic(topic) for topic in survey.topics.values()}
-        for file in files:
-            for name, log_time_ns, publish_time_ns, data in _messages(McapFile(file)):
-                if name in numbers:
-                    bag.write(numbers[name], log_time_ns, publish_time_ns, data)
-    return Salvage(Path(output), dict(survey.messages), tuple(survey.lost))
+        for path in survey.files:
+            for name, log_time_ns, publish_time_ns, data in survey.whole_messages(path):
+                bag.write(numbers[name], log_time_ns, publish_time_ns, data)
 
 
 class _Survey:
-    """Everything in the files of a bag but the messages, as far as it is whole."""
+    """
+    Everything in the files of a bag but the messages, as far as it is whole.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    known : mapping of Path to McapFile
+        The files, where they were read before.
+
+    """
+
+    def __init__(self, known: Mapping[Path, McapFile]) -> None:
         self.topics: dict[str, Topic] = {}
         self.messages: dict[str, int] = {}
         self.metadata: list[Metadata] = []
         self.attachments: list[Attachment] = []
         self.lost: list[str] = []
+        self.files: dict[Path, McapFile] = {}
+        self.counts = MessageCounts()
+        self._known = known
+        self._seen: set[bytes] = set()  # digests of pieces
+        self._repeated: dict[Path, set[int]] = {}  # positions of pieces that came before
         self._own: dict[str, str] = {}
         self._remapped: list[dict[str, str]] = []
 
     def add(self, path: Path) -> None:
         """Add the content of one file."""
-        file = McapFile(path)
-        nameless = 0
-        for name, *_ in _messages(file):
-            if name in self.topics or self._announce(file, name):
-                self.messages[name] = self.messages.get(name, 0) + 1
-            else:
-                nameless += 1
+        file = McapFile(path, self._known.get(path))
+        self.files[path] = file
+        self._repeated[path] = set()
+        self.counts.begin(file)
+        repeated = nameless = mistimed = 0
+        for piece in file.pieces():
+            is_repeated = self._is_repeated(path, piece)
+            repeated += piece.messages.size if is_repeated else 0
+            for number, messages in piece.by_channel():
+                self.counts.add(file, number, messages.size)
+                channel = file.channels.get(number)
+                if is_repeated:
+                    continue
+                if channel is None or not self._announce(file, channel):
+                    nameless += messages.size
+                    continue
+                late = _beyond_times(piece, messages)
+                mistimed += late
+                if messages.size > late:
+                    self.messages[channel.topic] = (
+                        self.messages.get(channel.topic, 0) + messages.size - late)
         for channel in file.channels.values():
-            if channel.topic not in self.topics:
-                self._announce(file, channel.topic)
-        self.lost += file.damage
-        if nameless:
-            self.lost.append(f'{path.name}: {nameless} messages of an unknown topic or type')
-        for metadata in file.metadata:
+            self._announce(file, channel)
+        self.lost += [*file.damage, *file.vanished()]
+        self.lost += [
+            f'{path.name}: {number} {words}' for number, words in (
+                (nameless, 'messages of an unknown topic or type'),
+                (mistimed, 'messages with a log time beyond 2**63 - 1 ns'),
+                (repeated, 'messages that came before, byte by byte'))
+            if number]
+        self._describe(file)
+
+    def _is_repeated(self, path: Path, piece: Piece) -> bool:
+        """Return whether a piece came before, in this or another file."""
+        if not piece.messages.size:
+            return False
+        digest = hashlib.blake2b(piece.data).digest()
+        if digest in self._seen:
+            self._repeated[path].add(piece.position)
+            return True
+        self._seen.add(digest)
+        return False
+
+    def _describe(self, file: McapFile) -> None:
+        """Add the metadata and attachments of a file."""
+        intact, damaged = intact_records(file.metadata)
+        if damaged:
+            self.lost.append(
+                f'{file.path.name}: {damaged} metadata records of piezo_ros with a wrong digest')
+        for metadata in intact:
             if metadata.name == RECORD_NAME:
                 self._own.update(metadata.metadata)
                 remapped = remapped_part(metadata.metadata)
@@ -153,17 +261,37 @@ class _Survey:
             self.attachments = [other for other in self.attachments if other != attachment]
             self.attachments.append(attachment)
 
-    def _announce(self, file: McapFile, name: str) -> bool:
-        """Note a topic; False if its channel or its type did not survive."""
-        for channel in file.channels.values():
-            if channel.topic == name and channel.schema_id in file.schemas:
-                schema = file.schemas[channel.schema_id]
-                self.topics[name] = Topic(
-                    name, schema.name, channel.message_encoding,
-                    schema.data.decode('utf-8', 'replace'), schema.encoding,
-                    channel.metadata.get('topic_type_hash', ''), _qos(channel))
-                return True
-        return False
+    def finish(self, files: BagFiles) -> None:
+        """Add what all files together have lost."""
+        self.lost = [*files.lost, *self.lost, *self.counts.missing(files.messages)]
+
+    def _announce(self, file: McapFile, channel: Channel) -> bool:
+        """Note a topic; False if its type did not survive or is not that of its other channels."""
+        schema = file.schemas.get(channel.schema_id)
+        if schema is None:
+            return False
+        topic = self.topics.setdefault(channel.topic, Topic(
+            channel.topic, schema.name, channel.message_encoding,
+            schema.data.decode('utf-8', 'replace'), schema.encoding,
+            channel.metadata.get('topic_type_hash', ''), _qos(channel)))
+        return (topic.type_name, topic.serialization) == (schema.name, channel.message_encoding)
+
+    def whole_messages(self, path: Path) -> Iterator[tuple[str, int, int, bytes]]:
+        """Yield topic name, log time, publish time and bytes of each message to keep."""
+        file = McapFile(path, self.files[path])
+        names: dict[int, str] = {}  # of channels
+        for number, channel in file.channels.items():
+            if self._announce(file, channel):
+                names[number] = channel.topic
+        for piece in file.pieces():
+            if piece.position in self._repeated[path]:
+                continue
+            for start in piece.messages.tolist():
+                length, number, _, log_time_ns, publish_time_ns = _read_message_head(
+                    piece.data, start)
+                if number in names and log_time_ns <= MAXIMUM_TIME_NS:
+                    data = piece.data[start + MESSAGE_HEAD_BYTES:start + HEAD_BYTES + length]
+                    yield names[number], log_time_ns, publish_time_ns, data
 
     def records(self) -> list[dict[str, str]]:
         """
@@ -187,18 +315,14 @@ class _Survey:
 def _qos(channel: Channel) -> list[dict[str, Any]]:
     """Return the offered quality of service of a channel, none where it does not parse."""
     try:
-        profiles = yaml.safe_load(channel.metadata.get('offered_qos_profiles', ''))
-    except yaml.YAMLError:
+        profiles = yaml_content(channel.metadata.get('offered_qos_profiles', ''))
+    except YamlError:
         return []
-    return profiles if isinstance(profiles, list) else []
+    whole = isinstance(profiles, list) and all(isinstance(each, dict) for each in profiles)
+    return profiles if whole else []
 
 
-def _messages(file: McapFile) -> Iterator[tuple[str, int, int, bytes]]:
-    """Yield topic name (empty if unknown), log time, publish time and bytes of each message."""
-    for piece in file.pieces():
-        for start in piece.messages.tolist():
-            length, number, _, log_time_ns, publish_time_ns = _read_message_head(
-                piece.data, start)
-            channel = file.channels.get(number)
-            data = piece.data[start + MESSAGE_HEAD_BYTES:start + HEAD_BYTES + length]
-            yield channel.topic if channel else '', log_time_ns, publish_time_ns, data
+def _beyond_times(piece: Piece, messages: NDArray[np.int64]) -> int:
+    """Return how many messages have a log time that rosbag2 cannot hold."""
+    times_ns = unaligned(piece.data, '<u8')[messages + _LOG_TIME_OFFSET]
+    return int((times_ns > np.uint64(MAXIMUM_TIME_NS)).sum())

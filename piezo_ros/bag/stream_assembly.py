@@ -14,16 +14,28 @@
 
 """Checks of one stream: whether its blocks are one contiguous sequence of samples."""
 
+from typing import Final
+
 import numpy as np
 from numpy.typing import NDArray
 
 from piezo_ros.bag.block_arrays import Blocks, decoded
+from piezo_ros.bag.container.chunk_scan import HEAD_BYTES, MESSAGE_HEAD_BYTES, unaligned
 from piezo_ros.bag.container.mcap_file import Piece
 from piezo_ros.bag.sinks import Sink
 from piezo_ros.streams import BlockCodec
-from piezo_ros.streams.block import MAXIMUM_INDEX
+from piezo_ros.streams.block import HEADER_NUMBERS, MAXIMUM_INDEX
 
-__all__ = ['StreamAssembler']
+__all__ = ['StreamAssembler', 'same_period']
+
+# A publisher that computes the sample period anew for each block rounds it differently.
+_PERIOD_TOLERANCE: Final = 1e-9
+_BLOCK_NUMBERS_BYTES: Final = 8 * HEADER_NUMBERS
+
+
+def same_period(one_s: float, other_s: float) -> bool:
+    """Return whether two sample periods, seconds, are one, but for rounding."""
+    return one_s == other_s or abs(one_s - other_s) <= _PERIOD_TOLERANCE * one_s < np.inf
 
 
 class StreamAssembler:
@@ -38,6 +50,8 @@ class StreamAssembler:
         Takes the samples, up to the first thing that is wrong.
     keep_not_finite : bool, optional
         Whether samples that are NaN or infinite are in order.
+    sample_period_s : float, optional
+        Sample period, seconds; by default that of the first block.
 
     Attributes
     ----------
@@ -51,10 +65,15 @@ class StreamAssembler:
         How many samples were handed on.
     problem : str or None
         What is wrong with the sample that should follow; None if nothing is.
+    left_out : int
+        How many samples came from there on.
 
     """
 
-    def __init__(self, stream: str, sink: Sink, *, keep_not_finite: bool = False) -> None:
+    def __init__(
+        self, stream: str, sink: Sink, *, keep_not_finite: bool = False,
+        sample_period_s: float = 0.0,
+    ) -> None:
         self.stream = stream
         self._sink = sink
         self._keep_not_finite = keep_not_finite
@@ -62,9 +81,24 @@ class StreamAssembler:
         self._blocks = 0
         self._ended = False
         self.start_index = 0
-        self.sample_period_s = 0.0
+        self.sample_period_s = sample_period_s
         self.count = 0
         self.problem: str | None = None
+        self.left_out = 0
+
+    @property
+    def ended(self) -> bool:
+        """Whether the stream came to its end, as its last block says."""
+        return self._ended and self.problem is None
+
+    @property
+    def loss(self) -> str | None:
+        """The problem, and how many samples it costs; None if there is none."""
+        if self.problem is None or not self.left_out:
+            return self.problem
+        return (
+            f'{self.problem}; {self.left_out} of {self.count + self.left_out} samples of this '
+            'stream are left out')
 
     def add(self, piece: Piece, messages: NDArray[np.int64]) -> None:
         """
@@ -78,8 +112,23 @@ class StreamAssembler:
             Offsets of the messages of this stream in it.
 
         """
-        if self.problem is not None or not messages.size:
+        if not messages.size:
             return
+        handed_on = self.count
+        if self.problem is None:
+            self._take(piece, messages)
+        if self.problem is not None:
+            self.left_out += self._samples_in(piece, messages) - (self.count - handed_on)
+
+    def _samples_in(self, piece: Piece, messages: NDArray[np.int64]) -> int:
+        """Return how many samples messages have room for, whatever else is wrong with them."""
+        lengths = unaligned(piece.data, '<u8')[messages + 1].astype(np.int64) + HEAD_BYTES
+        header, _ = self._codec.header(0)
+        numbers = lengths - (MESSAGE_HEAD_BYTES + len(header) + _BLOCK_NUMBERS_BYTES)
+        return int(np.maximum(numbers // 8, 0).sum())
+
+    def _take(self, piece: Piece, messages: NDArray[np.int64]) -> None:
+        """Hand on the samples in a piece, up to the first thing that is wrong."""
         blocks, error = decoded(self._codec, piece.data, messages)
         malformed = None if error is None else (
             f'message {self._blocks + blocks.indices.size} of stream {self.stream!r}: {error}')
@@ -91,7 +140,7 @@ class StreamAssembler:
         """Hand on the samples of the blocks that are in order."""
         if not self._blocks:
             self.start_index = int(blocks.indices[0]) if np.isfinite(blocks.indices[0]) else 0
-            self.sample_period_s = float(blocks.periods_s[0])
+            self.sample_period_s = self.sample_period_s or float(blocks.periods_s[0])
         good, self.problem = self._leading(blocks)
         samples = blocks.samples[:int(blocks.counts[:good].sum())]
         if not (self._keep_not_finite or (finite := np.isfinite(samples)).all()):
@@ -117,7 +166,7 @@ class StreamAssembler:
         valid_index = (indices >= 0) & (indices < MAXIMUM_INDEX) & (indices % 1.0 == 0)
         wrong = (
             ~valid_index | ~continues | after_end
-            | ~((periods > 0) & (periods == self.sample_period_s) & np.isfinite(periods)))
+            | ~((periods > 0) & self._same_period(periods) & np.isfinite(periods)))
         if not wrong.any():
             return indices.size, None
         first = int(np.argmax(wrong))
@@ -131,7 +180,7 @@ class StreamAssembler:
             return first, (
                 f'{name} has the sample period {period} s at index {index:.0f}, it must be '
                 'positive and finite')
-        if period != self.sample_period_s:
+        if not same_period(self.sample_period_s, float(period)):
             return first, (
                 f'{name} changes its sample period from {self.sample_period_s} s to {period} s at '
                 f'index {index:.0f}')
@@ -140,3 +189,11 @@ class StreamAssembler:
         if index > due:
             return first, f'{name} has a gap: index {due:.0f} is due, {index:.0f} comes'
         return first, f'{name} has an overlap: index {due:.0f} is due, {index:.0f} comes again'
+
+    def _same_period(self, periods_s: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Return which sample periods are that of the stream, as `same_period` tells."""
+        own_s = self.sample_period_s
+        same = np.equal(periods_s, own_s)
+        if same.all() or not np.isfinite(own_s):
+            return same
+        return np.less_equal(np.abs(periods_s - own_s), _PERIOD_TOLERANCE * own_s)

@@ -40,6 +40,8 @@ __all__ = [
     'named_topics',
     'remapped_entries',
     'remapped_part',
+    'unlike_stream',
+    'unlike_words',
 ]
 
 NAMESPACE_KEY: Final = 'namespace'
@@ -61,6 +63,33 @@ def array_topic(schemas: Mapping[int, Schema], channel: Channel | None) -> str |
         return None
     schema = schemas.get(channel.schema_id)
     return None if schema is None or schema.name != TYPE_NAME else channel.topic
+
+
+def unlike_stream(schemas: Mapping[int, Schema], channel: Channel) -> str | None:
+    """Return why a topic with the name of a stream is none, and the remedy; None if it is one."""
+    if _last(channel.topic) not in STREAMS:
+        return None
+    schema = schemas.get(channel.schema_id)
+    type_name = 'an unknown type' if schema is None else schema.name
+    encoding = channel.message_encoding
+    if encoding == 'ros1':
+        return (
+            f'carries {type_name} of ROS 1, `rosbags-convert` of the package rosbags turns it into '
+            'ROS 2')
+    if encoding != 'cdr':
+        return (
+            f'has the encoding {encoding!r}, a stream is in cdr: publish it in ROS 2, as '
+            'foxglove_bridge does, and record it with `ros2 bag record -s mcap`')
+    if type_name != TYPE_NAME:
+        return (
+            f'is of type {type_name}, a stream is of {TYPE_NAME}: `ros2 bag play` it into a node '
+            'that publishes this type, and record that')
+    return None
+
+
+def unlike_words(unlike: Mapping[str, str]) -> str:
+    """Return the end of a sentence that says why topics with the names of streams are none."""
+    return ''.join(f'; {topic} {why}' for topic, why in sorted(unlike.items()))
 
 
 def check_topics(topics: Mapping[str, str], namespace: str | None) -> None:

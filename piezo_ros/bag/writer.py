@@ -24,7 +24,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from piezo_ros.bag.container.rosbag2_writer import Rosbag2Writer, Topic
-from piezo_ros.bag.description import PARAMETERS_NAME, RECORD_NAME, checked_metadata
+from piezo_ros.bag.description import (
+    PARAMETERS_NAME,
+    RECORD_NAME,
+    checked_metadata,
+    with_digest,
+)
 from piezo_ros.bag.errors import BagError
 from piezo_ros.bag.topics import check_topics, remapped_entries
 from piezo_ros.streams import STREAMS, BlockCodec
@@ -82,7 +87,7 @@ class BagWriter:
         record = {**checked_metadata(metadata or {}), **remapped_entries(names, namespace)}
         self._bag = Rosbag2Writer(directory, compression=compression, custom_data=record)
         # Ahead of the first chunk, so that they outlive a cut of the file anywhere behind.
-        self._bag.add_metadata(RECORD_NAME, record)
+        self._bag.add_metadata(RECORD_NAME, with_digest(record))
         self._streams: dict[str, tuple[int, BlockCodec]] = {}
         for stream in STREAMS:
             if stream in names:
@@ -135,7 +140,7 @@ class BagWriter:
         """
         record = checked_metadata(metadata)
         self._check_open()
-        self._bag.add_metadata(RECORD_NAME, record)
+        self._bag.add_metadata(RECORD_NAME, with_digest(record))
         self._bag.add_custom_data(record)
         if yaml_text is not None:
             self.attach_parameters(yaml_text)

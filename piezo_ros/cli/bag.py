@@ -86,7 +86,9 @@ def _info(options: argparse.Namespace) -> tuple[str, ...]:
     for name, value in run.metadata.items():
         print(f'{name:28}{value}')
     print(f'parameters of  {", ".join(run.parameters) or "no node"}')
-    return run.lost
+    for topic, why in run.facts.unlike.items():
+        print(f'no stream      {topic} {why}')
+    return *run.lost, *run.uneven()
 
 
 def _remapped(namespace: str, stream: str, topic: str) -> str:
@@ -104,13 +106,19 @@ def _export(options: argparse.Namespace) -> tuple[str, ...]:
     run = open_recording(
         options.bag, namespace=options.namespace, allow_loss=options.allow_loss)
     names = ['time_s', *(f'{stream}_{STREAMS[stream]}' for stream in run.streams)]
-    with options.output.open('w', encoding='utf-8') as file:
-        file.write(','.join(names) + '\n')
-        for piece in run.pieces(_EXPORTED_AT_ONCE):
-            # 17 significant digits: the same bits come back.
-            np.savetxt(
-                file, np.column_stack([getattr(piece, name) for name in names]), fmt='%.17g',
-                delimiter=',')
+    # Half a table would pass for a whole one.
+    unfinished = options.output.with_name(f'{options.output.name}.part')
+    try:
+        with unfinished.open('w', encoding='utf-8') as file:
+            file.write(','.join(names) + '\n')
+            for piece in run.pieces(_EXPORTED_AT_ONCE):
+                # 17 significant digits: the same bits come back.
+                np.savetxt(
+                    file, np.column_stack([getattr(piece, name) for name in names]), fmt='%.17g',
+                    delimiter=',')
+        unfinished.replace(options.output)
+    finally:
+        unfinished.unlink(missing_ok=True)
     print(f'{run.samples} samples: {options.output}')
     return run.lost
 

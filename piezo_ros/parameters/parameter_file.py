@@ -14,7 +14,6 @@
 
 """ROS parameter files, read and written without ROS."""
 
-import re
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final, TypeVar
@@ -22,6 +21,7 @@ from typing import Any, Final, TypeVar
 import yaml
 
 from piezo_ros.model import ParameterError, ParameterSet
+from piezo_ros.parameters.bounded_yaml import MAXIMUM_BYTES, YamlError, yaml_content
 from piezo_ros.parameters.errors import PlanError
 from piezo_ros.parameters.node_parameters import (
     NODE_PARAMETERS,
@@ -42,15 +42,6 @@ _SECTION: Final = 'ros__parameters'
 _Set = TypeVar('_Set', bound=ParameterSet)
 
 
-# The compiled one is ten times quicker, where it is installed.
-class _Loader(getattr(yaml, 'CSafeLoader', yaml.SafeLoader)):  # type: ignore[misc]
-    """Reads numbers as the parameter files of ROS do: 1e-5 is one, with or without a point."""
-
-
-_Loader.add_implicit_resolver(
-    'tag:yaml.org,2002:float', re.compile(r'[-+]?[0-9]+[eE][-+]?[0-9]+$'), list('-+0123456789'))
-
-
 def read_yaml(path: Path) -> Any:
     """
     Return the content of a YAML file.
@@ -62,12 +53,11 @@ def read_yaml(path: Path) -> Any:
 
     """
     try:
-        # A loader of the safe kind.
-        return yaml.load(path.read_text(encoding='utf-8'), _Loader)
+        with path.open('rb') as file:
+            return yaml_content(file.read(MAXIMUM_BYTES + 1))
     except OSError as error:
         raise PlanError(f'{path}: {error.strerror}') from None
-    except (yaml.YAMLError, ValueError, RecursionError) as error:
-        # ValueError: no UTF-8, a date that does not exist, a number beyond all bounds.
+    except YamlError as error:
         raise PlanError(f'{path} is no YAML: {error}') from None
 
 
@@ -130,10 +120,7 @@ def read_parameter_file(path: Path, nodes: Iterable[str]) -> dict[str, dict[str,
         raise PlanError(f'{path} is no ROS parameter file: the top level must be a mapping')
     parameters: dict[str, dict[str, Any]] = {}
     for key, section in content.items():
-        try:
-            found = [*parameter_sections({f'/{key}': section})]
-        except RecursionError:  # an alias for what it lies in
-            found = []
+        found = [*parameter_sections({f'/{key}': section})]
         if not found:
             raise PlanError(f'{path}: {key!r} has no mapping {_SECTION}')
         for name, values in found:

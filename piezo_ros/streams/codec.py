@@ -39,6 +39,7 @@ from piezo_ros.streams.names import label_of, stream_with_label
 __all__ = ['BlockCodec', 'OtherEncodingError', 'labelled_stream']
 
 _ENCAPSULATION: Final = b'\x00\x01\x00\x00'  # CDR, little-endian
+_XCDR2: Final = tuple(bytes([kind]) for kind in range(6, 12))
 
 
 class OtherEncodingError(MalformedBlockError):
@@ -218,7 +219,9 @@ def labelled_stream(raw: bytes) -> str | None:
 def _parse(raw: bytes) -> tuple[str, int, int, int, NDArray[np.float64]]:
     """Read the CDR fields of a Float64MultiArray with one dimension."""
     if raw[:2] not in (b'\x00\x01', b'\x00\x00'):
-        raise OtherEncodingError(f'CDR encapsulation is {raw[:4].hex()}, only plain CDR is read')
+        name = 'XCDR2, ' if raw[:1] == b'\x00' and raw[1:2] in _XCDR2 else ''
+        raise OtherEncodingError(
+            f'CDR encapsulation is {name}{raw[:4].hex()}, only plain CDR is read')
     order = '<' if raw[1] == 1 else '>'
     try:
         dimensions, length = struct.unpack_from(order + 'II', raw, 4)

@@ -21,7 +21,7 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as RosbagsWriter
 from rosbags.typesys import Stores, get_typestore
 
-from piezo_ros.bag import STREAMS, BagError, BagWriter, BlockCodec, read
+from piezo_ros.bag import STREAMS, BagError, BagWriter, BlockCodec, open_recording, read, salvage
 
 TYPE = 'std_msgs/msg/Float64MultiArray'
 
@@ -350,3 +350,73 @@ def test_parameters_that_are_no_parameter_file_are_refused(tmp_path, text):
         writer.write_block('voltage', 0, 1e-5, [1.0])
     with pytest.raises(BagError, match='parameters.yaml is no ROS parameter file'):
         read(tmp_path / 'bag')
+
+
+@pytest.mark.parametrize('entry', [b'seed', b'format_version', b'scheme'])
+def test_a11_a_flipped_byte_in_the_metadata_is_noticed(tmp_path, write_run, entry):
+    write_run(tmp_path / 'bag', metadata={'seed': '7', 'scheme': 'fb'})
+    file = tmp_path / 'bag' / 'bag_0.mcap'
+    raw = bytearray(file.read_bytes())
+    value = raw.index(entry) + len(entry) + 4
+    raw[value] ^= 1
+    file.write_bytes(raw)
+    with pytest.raises(BagError, match='1 metadata records of piezo_ros with a wrong digest'):
+        read(tmp_path / 'bag')
+    run = read(tmp_path / 'bag', allow_loss=True)
+    assert run.samples == 20
+    assert run.metadata == {}
+    assert salvage(tmp_path / 'bag', tmp_path / 'whole').lost == run.lost
+    assert 'seed' not in read(tmp_path / 'whole').metadata
+
+
+@pytest.mark.parametrize(('opcode', 'words'), [
+    (0x0C, '1 of 2 metadata records are missing'), (0x09, '1 of 1 attachments are missing')])
+def test_a11_a_record_that_has_become_another_is_missed(tmp_path, write_run, opcode, words):
+    write_run(tmp_path / 'bag')
+    file = tmp_path / 'bag' / 'bag_0.mcap'
+    raw = bytearray(file.read_bytes())
+    position = 8
+    while raw[position] != opcode:
+        position += 9 + int.from_bytes(raw[position + 1:position + 9], 'little')
+    raw[position] = 0x80
+    file.write_bytes(raw)
+    with pytest.raises(BagError, match=words):
+        read(tmp_path / 'bag')
+
+
+def test_a_record_without_digest_is_read(tmp_path):
+    with (tmp_path / 'a.mcap').open('wb') as file:
+        writer = Writer(file)
+        writer.start('ros2')
+        writer.add_metadata('piezo_ros', {'format_version': '1', 'seed': '7'})
+        schema = writer.register_schema(TYPE, 'ros2msg', b'')
+        channel = writer.register_channel('/voltage', 'cdr', schema)
+        writer.add_message(channel, 0, BlockCodec('voltage').encode_one(0, 1e-5, 1.0), 0)
+        writer.finish()
+    assert read(tmp_path / 'a.mcap').metadata == {'format_version': '1', 'seed': '7'}
+
+
+@pytest.mark.parametrize('other', [
+    np.nextafter(1e-3, 1), np.nextafter(1e-3, 0), 1e-3 * (1 + 1e-12), 1e-3 * (1 - 9e-10)])
+def test_b6_sample_periods_that_differ_by_rounding_are_one(tmp_path, record_foreign, other):
+    blocks = [
+        (f'/{stream}', BlockCodec(stream).encode(
+            100 * number, other if (number + shift) % 2 else 1e-3, np.full(100, float(number))))
+        for number in range(40) for shift, stream in enumerate(('voltage', 'displacement'))]
+    record_foreign(tmp_path / 'a.mcap', blocks, chunk_size=3000)
+    run = read(tmp_path / 'a.mcap')
+    assert (run.samples, run.sample_period_s, run.lost) == (4000, run.sample_period_s, ())
+    part = open_recording(tmp_path / 'a.mcap').part(150, 2000)
+    np.testing.assert_array_equal(part.voltage_v, run.voltage_v[150:2000])
+
+
+def test_b7_how_many_samples_a_problem_costs_is_told(tmp_path, record_foreign):
+    codec = BlockCodec('voltage')
+    record_foreign(tmp_path / 'a.mcap', [
+        ('/voltage', codec.encode(100 * number, 1e-3 if number % 2 == 0 else 1.001e-3, [1.0] * 100))
+        for number in range(40)], chunk_size=3000)
+    run = read(tmp_path / 'a.mcap', allow_loss=True)
+    assert run.samples == 100
+    (loss,) = run.lost
+    assert loss.endswith('; 3900 of 4000 samples of this stream are left out')
+    assert open_recording(tmp_path / 'a.mcap', allow_loss=True).lost == run.lost

@@ -49,9 +49,11 @@ def renamed(blocks, topics):
 
 def records_of(path):
     with next(path.glob('*.mcap')).open('rb') as file:
-        return [
+        records = [
             record.metadata for record in make_reader(file).iter_metadata()
             if record.name == 'piezo_ros']
+    assert all(record.pop('digest') for record in records)
+    return records
 
 
 def assert_holds(path, samples, **options):

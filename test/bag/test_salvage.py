@@ -24,7 +24,8 @@ from mcap.reader import make_reader
 from mcap.writer import Writer
 from rosbags.highlevel import AnyReader
 
-from piezo_ros.bag import STREAMS, BagError, BagExistsError, read, salvage
+from piezo_ros.bag import STREAMS, BagError, BagExistsError, BagWriter, read, salvage
+from piezo_ros.bag.container.rosbag2_writer import Rosbag2Writer
 
 FLUSH = 40  # steps of the run in each chunk
 COUNT = 400
@@ -248,3 +249,66 @@ def test_a_topic_without_messages_and_foreign_metadata_are_kept(tmp_path):
         assert 'piezo_ros' not in records
         (attachment,) = reader.iter_attachments()
         assert (attachment.name, attachment.data) == ('notes.txt', b'fine')
+
+
+def test_b5_a_salvage_that_fails_leaves_nothing(tmp_path, write_run, monkeypatch):
+    write_run(tmp_path / 'bag', 50)
+    written = []
+
+    def full(self, *arguments):
+        written.append(arguments)
+        if len(written) > 100:
+            raise BagError('the disk is full')
+
+    monkeypatch.setattr(Rosbag2Writer, 'write', full)
+    with pytest.raises(BagError, match='the disk is full'):
+        salvage(tmp_path / 'bag', tmp_path / 'output')
+    assert [path.name for path in tmp_path.iterdir()] == ['bag']
+
+
+@pytest.mark.parametrize('time_ns', [2**63, 2**64 - 5])
+def test_b5_messages_with_times_that_rosbag2_cannot_hold_are_left_out_and_counted(
+    tmp_path, time_ns,
+):
+    with (tmp_path / 'a.mcap').open('wb') as file:
+        writer = Writer(file)
+        writer.start('ros2')
+        schema = writer.register_schema('std_msgs/msg/Byte', 'ros2msg', b'byte data')
+        channel = writer.register_channel('/byte', 'cdr', schema)
+        for time in (5, time_ns, 6, 2**63 - 1):
+            writer.add_message(channel, time, b'', time)
+        writer.finish()
+    result = salvage(tmp_path / 'a.mcap', tmp_path / 'output')
+    assert result.messages == {'/byte': 3}
+    assert result.lost == ('a.mcap: 1 messages with a log time beyond 2**63 - 1 ns',)
+    with AnyReader([tmp_path / 'output']) as reader:
+        assert [time for _, time, _ in reader.messages()] == [5, 6, 2**63 - 1]
+
+
+def test_a8_a_chunk_that_comes_twice_is_kept_once_and_told(tmp_path, write_run):
+    write_run(tmp_path / 'bag', COUNT, flush_every=FLUSH)
+    file = tmp_path / 'bag' / 'bag_0.mcap'
+    index = _summary(file).chunk_indexes[3]
+    raw = file.read_bytes()
+    start, end = index.chunk_start_offset, index.chunk_start_offset + index.chunk_length
+    (tmp_path / 'twice.mcap').write_bytes(raw[:end] + raw[start:end] + raw[end:])
+    result = salvage(tmp_path / 'twice.mcap', tmp_path / 'output')
+    assert result.lost == (f'twice.mcap: {5 * FLUSH} messages that came before, byte by byte',)
+    assert read(tmp_path / 'output').samples == COUNT
+
+
+def test_a8_of_equal_files_one_is_kept_and_the_other_told(tmp_path, write_run):
+    write_run(tmp_path / 'bag', COUNT)
+    (tmp_path / 'bag' / 'metadata.yaml').unlink()
+    shutil.copy(tmp_path / 'bag' / 'bag_0.mcap', tmp_path / 'bag' / 'bag_1.mcap')
+    result = salvage(tmp_path / 'bag', tmp_path / 'output')
+    assert 'bag_1.mcap: 2006 messages that came before' in result.lost[0]
+    assert read(tmp_path / 'output').samples == COUNT
+
+
+def test_a8_streams_that_are_not_in_order_after_a_salvage_are_told(tmp_path):
+    with BagWriter(tmp_path / 'bag') as writer:
+        for index in (0, 1, 1, 2):
+            writer.write_block('voltage', index, 1e-5, [1.0])
+    result = salvage(tmp_path / 'bag', tmp_path / 'output')
+    assert 'overlap: index 2 is due, 1 comes again; 2 of 4 samples' in result.lost[0]

@@ -92,6 +92,21 @@ def test_a_table_is_not_overwritten_unasked(bag, command, tmp_path):
     assert table.read_text().startswith('time_s,')
 
 
+def test_b5_an_export_that_fails_leaves_no_half_table(bag, command, tmp_path, monkeypatch):
+    def fails(*_, **__):
+        raise OSError('No space left on device')
+
+    (tmp_path / 'out').mkdir()
+    table = tmp_path / 'out' / 'scan.csv'
+    table.write_text('years of work')
+    monkeypatch.setattr(np, 'savetxt', fails)
+    code, _, err = command('export', bag, '-o', table, '--force')
+    assert code == 1
+    assert 'No space left' in err
+    assert table.read_text() == 'years of work'
+    assert list(table.parent.iterdir()) == [table]
+
+
 @pytest.mark.parametrize('action', ['info', 'export'])
 def test_of_a_damaged_bag_what_is_whole_is_taken_unless_that_is_refused(
         damaged, command, tmp_path, action):

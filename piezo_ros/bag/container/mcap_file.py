@@ -15,28 +15,27 @@
 """
 Sequential reading of one MCAP file, whole or cut anywhere.
 
-The index at the end of a file is not used, so that a file that was cut off is read like any other,
-up to its last whole record. The library mcap parses and decompresses the records. Only the step
-from record to record is done here: `mcap.stream_reader.StreamReader` stops at the first record
-that does not parse, and it parses the message index behind each chunk entry by entry, which takes
-longer than all the rest where each message has one sample.
+The index at the end of a file is not needed, so that a file that was cut off is read like any
+other, up to its last whole record; what it counts is kept for comparison. The library mcap parses
+and decompresses the records. Only the step from record to record is done here:
+`mcap.stream_reader.StreamReader` stops at the first record that does not parse, and it parses the
+message index behind each chunk entry by entry, which takes longer than all the rest where each
+message holds one sample.
 """
 
 import io
 import os
 import struct
 import zlib
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from functools import partial
 from itertools import islice
 from pathlib import Path
-from typing import BinaryIO, Final, NamedTuple, TypeVar
+from typing import BinaryIO, Final, NamedTuple
 
 import numpy as np
-from mcap.data_stream import ReadDataStream
-from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Chunk, Metadata, Schema
 from mcap.writer import MCAP0_MAGIC
@@ -44,6 +43,8 @@ from numpy.typing import NDArray
 
 from piezo_ros.bag.container.chunk_data import COMPRESSIONS, ChunkError, chunk_data
 from piezo_ros.bag.container.chunk_scan import HEAD_BYTES, read_head, scan, unaligned
+from piezo_ros.bag.container.file_formats import HEAD_LENGTH, other_format
+from piezo_ros.bag.container.summary import PARSE_ERRORS, Summary, parsed, read_summary
 from piezo_ros.bag.errors import BagError
 
 __all__ = ['McapFile', 'Piece']
@@ -53,8 +54,6 @@ _CHANNEL_OFFSET: Final = 9
 # Chunks are decompressed ahead in threads, which do not keep the interpreter's lock meanwhile.
 _THREADS: Final = max(1, min(4, (os.cpu_count() or 1) - 1))
 _PIECES_AHEAD: Final = 2 * _THREADS
-_PARSE_ERRORS: Final = (McapError, struct.error, UnicodeDecodeError, OverflowError, MemoryError)
-_Record = TypeVar('_Record')
 
 
 class Piece(NamedTuple):
@@ -102,6 +101,8 @@ class McapFile:
     ----------
     path : Path
         The file.
+    known : McapFile, optional
+        The same file, read before: schemas and channels are known from the beginning.
 
     Attributes
     ----------
@@ -111,13 +112,17 @@ class McapFile:
         All metadata records.
     attachments : list of Attachment
         All attachments.
+    summary : Summary or None
+        What the writer says at the end of the file; None if that is cut off or damaged.
 
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, known: 'McapFile | None' = None) -> None:
         self.path = path
-        self.schemas: dict[int, Schema] = {}
-        self.channels: dict[int, Channel] = {}
+        self.schemas: dict[int, Schema] = {} if known is None else dict(known.schemas)
+        self.channels: dict[int, Channel] = {} if known is None else dict(known.channels)
+        self.summary: Summary | None = None
+        self._kept: Counter[int] = Counter()  # opcode -> number of records, whole or not
         self.metadata: list[Metadata] = []
         self.attachments: list[Attachment] = []
         self._damage: list[tuple[int, str]] = []
@@ -126,6 +131,18 @@ class McapFile:
     def damage(self) -> list[str]:
         """Sentences that say what is cut off or damaged, in the order of the file."""
         return [text for _, text in sorted(self._damage)]
+
+    def vanished(self) -> list[str]:
+        """Return sentences that say how many records are missing by the count of the writer."""
+        if self.summary is None or self.summary.statistics is None:
+            return []
+        statistics = self.summary.statistics
+        return [
+            f'{self.path.name}: {count - self._kept[opcode]} of {count} {name} are missing'
+            for opcode, count, name in (
+                (Opcode.METADATA, statistics.metadata_count, 'metadata records'),
+                (Opcode.ATTACHMENT, statistics.attachment_count, 'attachments'))
+            if count > self._kept[opcode]]
 
     def pieces(self, positions: Iterable[int] | None = None) -> Iterator[Piece]:
         """
@@ -163,10 +180,12 @@ class McapFile:
         self, file: BinaryIO, positions: Iterable[int] | None,
     ) -> Iterator[Callable[[], _Unpacked]]:
         """Yield functions that unpack one piece each."""
-        magic = file.read(len(MCAP0_MAGIC))
+        head = file.read(HEAD_LENGTH)
+        magic = head[:len(MCAP0_MAGIC)]
         if magic != MCAP0_MAGIC:
-            raise BagError(
-                f'{self.path} is no MCAP file: it begins with {magic!r}, not {MCAP0_MAGIC!r}')
+            raise BagError(f'{self.path} is no MCAP file: ' + (
+                other_format(head) or f'it begins with {magic!r}, not {MCAP0_MAGIC!r}'))
+        file.seek(len(MCAP0_MAGIC))
         if positions is None:
             yield from self._packed_from(file)
             return
@@ -210,6 +229,7 @@ class McapFile:
             opcode, length = read_head(file.read(HEAD_BYTES))
             end = position + HEAD_BYTES + length
             if opcode in (Opcode.DATA_END, Opcode.FOOTER):
+                self._summarise(file, position)
                 return
             if opcode == 0 or (end > size and opcode != Opcode.CHUNK):
                 break
@@ -221,6 +241,15 @@ class McapFile:
         if position < size:
             self._lose(position, f'{size - position} bytes of a record that is not whole')
         self._damage.append((size, f'{self.path.name} was not closed by its writer'))
+
+    def _summarise(self, file: BinaryIO, position: int) -> None:
+        """Keep what the writer says at the end, also of channels of which the record is lost."""
+        self.summary = read_summary(file, position)
+        if self.summary is not None:
+            for schema in self.summary.schemas:
+                self.schemas.setdefault(schema.id, schema)
+            for channel in self.summary.channels:
+                self.channels.setdefault(channel.id, channel)
 
     def _unpacked_piece(self, future: Future[_Unpacked]) -> Piece:
         """Return a piece once it is unpacked; keep the other records in it."""
@@ -235,30 +264,27 @@ class McapFile:
 
     def _keep(self, position: int, opcode: int, body: bytes) -> None:
         """Keep a record that is no message."""
+        self._kept[opcode] += 1
         try:
             if opcode == Opcode.SCHEMA:
-                schema = _parsed(Schema.read, body)
+                schema = parsed(Schema.read, body)
                 self.schemas[schema.id] = schema
             elif opcode == Opcode.CHANNEL:
-                channel = _parsed(Channel.read, body)
+                channel = parsed(Channel.read, body)
                 self.channels[channel.id] = channel
             elif opcode == Opcode.METADATA:
-                self.metadata.append(_parsed(Metadata.read, body))
+                self.metadata.append(parsed(Metadata.read, body))
             elif opcode == Opcode.ATTACHMENT:
                 # The library skips this checksum.
                 if zlib.crc32(body[:-4]) != int.from_bytes(body[-4:], 'little') != 0:
                     self._lose(position, 'an attachment with a wrong checksum')
                     return
-                self.attachments.append(_parsed(Attachment.read, body))
-        except _PARSE_ERRORS as error:
+                self.attachments.append(parsed(Attachment.read, body))
+        except PARSE_ERRORS as error:
             self._lose(position, f'a record of kind {opcode} that does not parse ({error})')
 
     def _lose(self, position: int, loss: str) -> None:
         self._damage.append((position, f'{self.path.name}: {loss}, from byte {position} on'))
-
-
-def _parsed(read: Callable[[ReadDataStream], _Record], body: bytes) -> _Record:
-    return read(ReadDataStream(io.BytesIO(body)))
 
 
 def _scanned(position: int, data: bytes, loss: str | None = None) -> _Unpacked:
@@ -285,8 +311,8 @@ def _unpacked_chunk(path: Path, position: int, length: int, body: bytes) -> _Unp
     """
     nothing = partial(_scanned, position, b'')
     try:
-        chunk = _parsed(Chunk.read, body)
-    except _PARSE_ERRORS:
+        chunk = parsed(Chunk.read, body)
+    except PARSE_ERRORS:
         return nothing('a chunk cut within its head')
     if chunk.compression not in COMPRESSIONS:
         raise BagError(

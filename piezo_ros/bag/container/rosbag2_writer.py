@@ -31,7 +31,7 @@ from mcap.writer import CompressionType, Writer
 
 from piezo_ros.bag.errors import BagError, BagExistsError
 
-__all__ = ['COMPRESSIONS', 'Rosbag2Writer', 'Topic', 'plain_yaml']
+__all__ = ['COMPRESSIONS', 'MAXIMUM_TIME_NS', 'Rosbag2Writer', 'Topic', 'plain_yaml']
 
 COMPRESSIONS: Final = {
     'zstd': CompressionType.ZSTD,
@@ -39,7 +39,7 @@ COMPRESSIONS: Final = {
     'none': CompressionType.NONE,
 }
 _CHUNK_BYTES: Final = 1 << 20
-_MAXIMUM_TIME_NS: Final = 2**63 - 1  # rosbag2 keeps times as signed 64-bit integers
+MAXIMUM_TIME_NS: Final = 2**63 - 1  # rosbag2 keeps times as signed 64-bit integers
 _UNKNOWN_DISTRIBUTION: Final = 'unknown'  # where no ROS is sourced
 
 
@@ -106,7 +106,7 @@ class Rosbag2Writer:
         self._topics: list[Topic] = []
         self._messages: list[int] = []  # of each topic
         self._schemas: dict[tuple[str, str, str], int] = {}
-        self._first_ns = _MAXIMUM_TIME_NS
+        self._first_ns = MAXIMUM_TIME_NS
         self._last_ns = 0
         try:
             self.path.mkdir(parents=True)
@@ -179,7 +179,7 @@ class Rosbag2Writer:
             If the disk is full or fails, or the log time is outside 0 … 2**63 - 1 ns.
 
         """
-        if not 0 <= log_time_ns <= _MAXIMUM_TIME_NS:
+        if not 0 <= log_time_ns <= MAXIMUM_TIME_NS:
             raise BagError(f'log time {log_time_ns} ns is outside 0 … 2**63 - 1 ns')
         if log_time_ns < self._first_ns:
             self._first_ns = log_time_ns

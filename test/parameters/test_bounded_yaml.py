@@ -1,0 +1,64 @@
+# Copyright 2026 piezo_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""YAML that would exhaust time, stack or memory is refused (A8); any other is read as before."""
+
+import tracemalloc
+
+import pytest
+
+from piezo_ros.parameters.bounded_yaml import MAXIMUM_BYTES, YamlError, yaml_content
+
+BOMB = 'a0: &a0 [x, x, x, x, x, x, x, x, x, x]\n' + ''.join(
+    f'a{level}: &a{level} [{", ".join([f"*a{level - 1}"] * 10)}]\n' for level in range(1, 12))
+
+
+@pytest.mark.parametrize(('text', 'words'), [
+    # libyaml has a bound of its own for brackets.
+    ('[' * 900 + ']' * 900, 'nested deeper than 64 levels'),
+    ('[' * 20_000 + ']' * 20_000, 'nested deeper than 64 levels|maximum nesting depth'),
+    ('- ' * 20_000 + 'x', 'nested deeper than 64 levels'),
+    ('&a [*a]', 'alias .a is for nothing or for what it lies in'),
+    ('a: &a {b: {c: *a}}', 'alias .a is for nothing or for what it lies in'),
+    ('*a', 'alias .a is for nothing'),
+    (BOMB, 'aliases repeat more than 1000000 characters'),
+    (f'a: &a {"x" * 1000}\nb: [{", ".join(["*a"] * 2000)}]', 'aliases repeat more than'),
+    ('9' * 5000, 'a number of 5000 characters'),
+    ('1' + ':59' * 1000, 'a number of 3001 characters'),
+    ('a: [', 'expected'),
+    ('!!python/object:os.system {}', 'could not determine a constructor'),
+    ('2001-99-99', 'month'),
+    (b'a: \xff', 'UTF-8|utf-8|utf8'),
+    ('x' * (MAXIMUM_BYTES + 1), 'bytes of YAML, at most'),
+], ids=lambda value: str(value)[:20])
+def test_a8_yaml_out_of_bounds_is_refused_with_its_cause(text, words):
+    tracemalloc.start()
+    with pytest.raises(YamlError, match=words):
+        yaml_content(text)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 20_000_000
+
+
+@pytest.mark.parametrize(('text', 'content'), [
+    ('', None), ('a: 1e-5', {'a': 1e-5}), ('a: 1.5e-5\nb: [1, x]', {'a': 1.5e-5, 'b': [1, 'x']}),
+    ('a: &a [1, 2]\nb: *a', {'a': [1, 2], 'b': [1, 2]}),
+    ('a: &a {x: 1}\nb: {<<: *a, y: 2}', {'a': {'x': 1}, 'b': {'x': 1, 'y': 2}}),
+    ('1:30', 90), (f'"{"9" * 5000}"', '9' * 5000), (b'a: \xc2\xb5', {'a': 'µ'}),
+    ('[' * 60 + ']' * 60, None),
+], ids=lambda value: str(value)[:20])
+def test_yaml_within_the_bounds_is_read(text, content):
+    found = yaml_content(text)
+    if content is not None or not text:
+        assert found == content
