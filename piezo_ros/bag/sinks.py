@@ -15,6 +15,7 @@
 """Sinks, which take the samples of a stream while a bag is read."""
 
 from collections.abc import Callable
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,9 @@ __all__ = ['Collected', 'Extremes', 'Sink']
 
 # Is called with the index of the first sample and the samples, part by part without a gap.
 Sink = Callable[[int, NDArray[np.float64]], None]
+# From 4 MB on NumPy asks the system for large pages; to fill memory that comes in small ones takes
+# as long as to decompress what goes into it. What is not filled takes no memory.
+_FIRST_SAMPLES: Final = (4 << 20) // 8
 
 
 class Collected:
@@ -38,8 +42,8 @@ class Collected:
 
     def __init__(self, kept: range | None = None) -> None:
         self._kept = kept
-        # Most often grows without being copied, other than an array.
-        self._bytes = bytearray()
+        self._samples: NDArray[np.float64] = np.empty(_FIRST_SAMPLES)
+        self._count = 0
 
     def __call__(self, index: int, samples: NDArray[np.float64]) -> None:
         """Keep those of some samples that are wanted."""
@@ -48,11 +52,17 @@ class Collected:
             first = max(kept.start, index)
             first += (kept.start - first) % kept.step
             samples = samples[first - index:max(kept.stop - index, 0):kept.step]
-        self._bytes += np.ascontiguousarray(samples).data
+        end = self._count + samples.size
+        if end > self._samples.size:
+            before = self._samples[:self._count]
+            self._samples = np.empty(max(end, 2 * before.size))
+            self._samples[:before.size] = before
+        self._samples[self._count:end] = samples
+        self._count = end
 
     def samples(self) -> NDArray[np.float64]:
         """Return the samples that were kept; no more can be added afterwards."""
-        return np.frombuffer(self._bytes, dtype=np.float64)
+        return self._samples[:self._count]
 
 
 class Extremes:
