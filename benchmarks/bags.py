@@ -23,13 +23,12 @@ from typing import Final
 
 import numpy as np
 
-from benchmarks.measurement import Measurement, Ratio, higher, seconds
+from benchmarks.measurement import Measurement, Ratio, higher, seconds, shortest
 from piezo_ros.bag import STREAMS, BagWriter, BlockCodec, read
 
 __all__ = ['BAGS', 'BAG_RATIOS']
 
 _PERIOD_S: Final = 1e-5
-_READS: Final = 7
 _SINGLE_SAMPLES: Final = 40_000  # of each stream, one for each message
 _BLOCK_SAMPLES: Final = 1000
 _MANY_SAMPLES: Final = 4_000_000  # of each stream, in blocks
@@ -66,9 +65,7 @@ def _write_and_read(
             path = Path(directory) / 'bag'
             write_seconds = seconds(lambda: _write(path, messages))
             os.sync()
-            # The minimum, as timeit takes it: a virtual machine takes freed memory away, and it
-            # can take three times as long to get it back as to read the bag into it.
-            read_seconds = min(seconds(lambda: read(path)) for _ in range(_READS))
+            read_seconds = shortest(lambda: read(path))
         return counted / write_seconds, samples * len(STREAMS) / read_seconds
     return measure
 

@@ -21,7 +21,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.measurement import Measurement, Ratio, higher, lower, seconds
+from benchmarks.measurement import Measurement, Ratio, higher, lower, shortest
 from piezo_ros.control import ControllerParameters, TrajectoryParameters, simulate
 from piezo_ros.model import HysteresisParameters, MaxwellResistiveCapacitor, Rig, RigParameters
 from piezo_ros.study.table_4 import table_cells, tracking_errors
@@ -60,7 +60,7 @@ def _inverse(elements: int, samples: int | None = None) -> Callable[[], tuple[fl
     def measure() -> tuple[float]:
         operator, displacement_um = _operator(elements), _displacement_um(samples or _SAMPLES)
         operator.inverse(displacement_um[:1])
-        elapsed_s = seconds(lambda: operator.inverse(displacement_um))
+        elapsed_s = shortest(lambda: operator.inverse(displacement_um))
         return (elapsed_s / len(displacement_um) * _NANOSECONDS,)
     return measure
 
@@ -69,14 +69,14 @@ def _forward(elements: int) -> Callable[[], tuple[float]]:
     def measure() -> tuple[float]:
         operator, voltage_v = _operator(elements), _voltage_v(elements)
         operator.forward(voltage_v[:1])
-        return (seconds(lambda: operator.forward(voltage_v)) / len(voltage_v) * _NANOSECONDS,)
+        return (shortest(lambda: operator.forward(voltage_v)) / len(voltage_v) * _NANOSECONDS,)
     return measure
 
 
 def _rig() -> tuple[float]:
     rig, voltage_v = Rig(), _voltage_v(10)
     rig.run(voltage_v[:1])
-    return (seconds(lambda: rig.run(voltage_v)) / len(voltage_v) * _NANOSECONDS,)
+    return (shortest(lambda: rig.run(voltage_v)) / len(voltage_v) * _NANOSECONDS,)
 
 
 def _closed_loop() -> tuple[float, float]:
@@ -85,14 +85,14 @@ def _closed_loop() -> tuple[float, float]:
         simulate(RigParameters(), HysteresisParameters(), ControllerParameters(), trajectory)
         return trajectory.samples
     run(1.0)
-    rate = run(_PERIODS) / seconds(lambda: run(_PERIODS))
+    rate = run(_PERIODS) / shortest(lambda: run(_PERIODS))
     return _NANOSECONDS / rate, rate
 
 
 def _table_4() -> tuple[float]:
     cells = table_cells()
     tracking_errors(RigParameters(), cells[:1])
-    return (seconds(lambda: tracking_errors(RigParameters(), cells)),)
+    return (shortest(lambda: tracking_errors(RigParameters(), cells)),)
 
 
 KERNELS: Final = (

@@ -222,9 +222,10 @@ def test_blocks_that_have_piled_up_are_answered_together_before_what_ends_the_ru
     assert status['refused'] == len(lengths)
     _assert_end(peer, start)
     np.testing.assert_array_equal(peer.samples('voltage'), _expected_v()[:start])
-    # Sixteen messages are taken at once, and every second one is refused.
-    together = [sum(lengths[first:first + 8]) for first in range(0, len(lengths), 8)]
-    assert [len(message.data) - 2 for message in peer.received['voltage']] == [*together, 0]
+    # How many have arrived once the process goes on is chance; test_bursts.py has the exact rule.
+    *answers, end = [len(message.data) - 2 for message in peer.received['voltage']]
+    assert end == 0
+    assert len(answers) < len(lengths)
 
 
 @pytest.mark.parametrize('compiled', [
@@ -243,5 +244,8 @@ def test_blocks_that_have_piled_up_are_joined_only_to_what_a_datagram_holds(
     voltage_v = peer.wait_for_samples('voltage', start)
     np.testing.assert_array_equal(
         voltage_v, MaxwellResistiveCapacitor().inverse(command_um)[0])
-    assert [len(message.data) - 2 for message in peer.received['voltage']] == [
-        9000, 7500, 1, 7500, 7500]
+    # How many have arrived once the process goes on is chance; test_bursts.py has the exact rule.
+    answers = [len(message.data) - 2 for message in peer.received['voltage']]
+    assert max(answers) == 9000
+    assert sorted(answers)[-2] <= 7500
+    assert len(answers) < len(lengths)
