@@ -63,6 +63,7 @@ def test_b10_a_locale_of_ascii_alone_escapes_what_it_has_no_character_for(tmp_pa
     assert rb'\xb5m' in done.stdout
 
 
+@pytest.mark.slow  # It compiles everything anew.
 def test_b10_a_home_that_cannot_be_written_is_no_obstacle(tmp_path, plan):
     (tmp_path / 'file').touch()
     done = piezo(

@@ -159,6 +159,7 @@ def test_our_own_nodes_are_right_in_everything(role):
     assert all(finding.right for finding in findings), findings
 
 
+@pytest.mark.slow
 def test_a_node_that_has_writers_already_is_told_to_run_alone(rig, peer):
     peer.writer('voltage')
     rig.node('plant', required_readers=0)

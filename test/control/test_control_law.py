@@ -14,6 +14,9 @@
 
 """What a control law of one's own returns is looked at before it goes on."""
 
+import runpy
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -50,3 +53,16 @@ def test_our_own_controller_is_one():
 def test_a_law_without_an_answer_says_so():
     with pytest.raises(NotImplementedError):
         Law(ControllerParameters(), 1e-5).answer(0, *np.zeros((3, 1)))
+
+
+def test_the_law_of_the_tutorial_is_one_and_integrates_the_error():
+    pytest.importorskip('rclpy')
+    example = Path(__file__).parents[2] / 'docs' / 'examples' / 'integral_law.py'
+    law = runpy.run_path(str(example))['IntegralLaw'](
+        ControllerParameters(integral_gain_per_s=100.0), 1e-3)
+    assert isinstance(law, ControlLaw)
+    error_um = np.array([1.0, 2.0, -3.0])
+    for start in (0, 3):
+        command_um = law.answer(start, error_um, np.zeros(3), np.zeros(3))
+        check_command(law, start, command_um, 3)
+        np.testing.assert_allclose(command_um, [0.1, 0.3, 0.0], atol=1e-15)

@@ -128,7 +128,7 @@ def test_the_first_scan(shell):
 
 
 @pytest.mark.parametrize('name', [
-    'your-own-controller', pytest.param('your-own-rig', marks=pytest.mark.slow)])
+    pytest.param(name, marks=pytest.mark.slow) for name in ('your-own-controller', 'your-own-rig')])
 def test_nodes_of_ones_own(shell, name):
     (path,) = (path for path in TUTORIALS if path.stem == name)
     output, folder = shell('\n'.join(blocks(path)))

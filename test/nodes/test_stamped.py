@@ -194,6 +194,7 @@ def test_every_message_has_the_stamp_the_unit_and_the_value_of_its_sample(
         assert word not in stamped.output
 
 
+@pytest.mark.slow
 def test_who_starts_late_sees_the_rest_and_the_next_run_too(rig, peer, listen):
     began_ns = time.time_ns()
     messages = listen('displacement', 'voltage')

@@ -74,6 +74,7 @@ def known_file(config, tmp_path):
     return path
 
 
+@pytest.mark.slow
 def test_the_plan_that_is_shipped_decides_every_run_as_the_rig_confirms(config):
     plan = read_plan(config / 'experiments' / 'automatic.yaml')
     assert len(plan.runs) == 3
