@@ -64,5 +64,5 @@ def test_the_law_of_the_tutorial_is_one_and_integrates_the_error():
     error_um = np.array([1.0, 2.0, -3.0])
     for start in (0, 3):
         command_um = law.answer(start, error_um, np.zeros(3), np.zeros(3))
-        check_command(law, start, command_um, 3)
+        check_command(type(law), start, command_um, 3)
         np.testing.assert_allclose(command_um, [0.1, 0.3, 0.0], atol=1e-15)
