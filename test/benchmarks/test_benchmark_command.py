@@ -17,7 +17,7 @@ import re
 
 import pytest
 
-from benchmarks import bags, kernels, sweeps
+from benchmarks import bags, kernels, measurement, sweeps
 from benchmarks.__main__ import main
 
 SMALL = 20_000
@@ -28,7 +28,7 @@ def small(monkeypatch):
     """Shorten the measurements: their values do not matter here."""
     monkeypatch.setattr(kernels, '_SAMPLES', SMALL)
     monkeypatch.setattr(kernels, '_PERIODS', 10.0)
-    monkeypatch.setattr(bags, '_READS', 1)
+    monkeypatch.setattr(measurement, '_CALLS', 1)
     kernels._voltage_v.cache_clear()
     yield
     kernels._voltage_v.cache_clear()

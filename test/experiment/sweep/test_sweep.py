@@ -224,6 +224,8 @@ def check_what_a_killed_worker_costs(work, engine, kill):
                     for path in (Path(work.directory) / 'runs').iterdir())
                 for mark in marks:
                     mark.touch()
+                # Also one that has begun since the first look.
+                at_work.update(running(work.directory))
                 kill()
                 return
             time.sleep(0.001)
