@@ -59,7 +59,8 @@ class LoopNodeParameters(ParameterSet):
         0, '', 'index of the first sample; -1 takes any (replay from the middle)',
         minimum=-1, maximum=2**53)
     handshake_timeout_s: float = parameter(
-        10.0, 's', 'how long activation waits for the peers', minimum=0.0, maximum=1e6)
+        10.0, 's', 'how long activation waits for the peers; it goes slower on a busy machine',
+        minimum=0.0, maximum=1e6)
     lost_writer_timeout_s: float = parameter(
         0.5, 's', 'how long an input may be without a writer during a run',
         minimum=0.0, maximum=1e6, change='running')
@@ -88,7 +89,7 @@ class SafetyParameters(ParameterSet):
     """How the plant guards its voltage."""
 
     watchdog_s: float = parameter(
-        2.0, 's', 'wall-clock time without voltage after which the run ends',
+        2.0, 's', 'time without voltage after which the run ends; it goes slower on a busy machine',
         minimum=0.01, maximum=1e6, change='running')
     safe_slew_v_per_s: float = parameter(
         1000.0, 'V/s', 'how fast the voltage goes to zero deviation at the end',

@@ -18,6 +18,8 @@ import time
 
 import pytest
 
+from piezo_ros.runtime.process import running_time
+
 
 class FakeClock:
     """Monotonic time in ``now_s``, from 100 s on."""
@@ -47,8 +49,9 @@ class FakeClock:
 
 @pytest.fixture
 def clock(monkeypatch):
-    """Replace `time.monotonic` and `time.sleep`."""
+    """Replace `time.monotonic` and `time.sleep`, on a machine that is not busy."""
     fake = FakeClock()
+    monkeypatch.setattr(running_time, 'crowding', lambda: 1.0)
     monkeypatch.setattr(time, 'monotonic', lambda: fake.now_s)
     monkeypatch.setattr(time, 'sleep', fake.advance)
     return fake

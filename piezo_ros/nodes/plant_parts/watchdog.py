@@ -14,7 +14,7 @@
 
 """The watchdog of the plant: a voltage that stays away ends the run."""
 
-from piezo_ros.runtime.process.running_time import RunningTime
+from piezo_ros.runtime.process.running_time import RunningTime, busy_words
 from piezo_ros.runtime.streams.fault import StreamFault
 from piezo_ros.runtime.streams.reader import StreamReader
 
@@ -63,4 +63,5 @@ class Watchdog:
                 self._silent = RunningTime()
         elif self._silent is not None and self._silent.elapsed_s() > limit_s:
             raise StreamFault(
-                f'no voltage for {limit_s:g} s after sample {voltage.next_index - 1}')
+                f'no voltage for {limit_s:g} s after sample {voltage.next_index - 1} '
+                f'(watchdog_s){busy_words()}')

@@ -25,7 +25,7 @@ from rclpy.duration import Duration
 from rclpy.publisher import Publisher
 
 from piezo_ros.runtime.node.hooks import NodeHooks
-from piezo_ros.runtime.process.running_time import RunningTime
+from piezo_ros.runtime.process.running_time import RunningTime, busy_words
 
 __all__ = ['await_acknowledgements', 'await_peers']
 
@@ -68,10 +68,12 @@ def _wait_while(node: NodeHooks, waited: RunningTime, look: Callable[[], str]) -
             return 'stopped while waiting for the peers'
         waited_s = waited.elapsed_s()
         if waited_s > node.settings.handshake_timeout_s:
-            return f'{problem} after {node.settings.handshake_timeout_s:g} s'
+            return (
+                f'{problem} after {node.settings.handshake_timeout_s:g} s '
+                f'(handshake_timeout_s){busy_words()}')
         if waited_s > tell_at_s:
             tell_at_s += _TELL_WAITING_S
-            node.get_logger().info(f'waiting: {problem}')
+            node.get_logger().info(f'waiting: {problem}{busy_words()}')
         time.sleep(_LOOK_S)
     return ''
 

@@ -13,23 +13,54 @@
 # limitations under the License.
 
 """
-Time limits that count the time in which this process could run.
+Time limits that count the time in which this process and its peers could run.
 
 A machine may stand still for seconds: its owner suspends a process, a virtual machine is moved, a
-disk is slow. A limit on the wall clock is over then before anything could be tried again.
+disk is slow. A limit on the wall clock is over then before anything could be tried again. And it
+may be busy: where thirty processes share two processors, each comes fifteen times slower to where
+it would be otherwise, and what is merely slow must not be told as lost.
 """
 
+import os
 import time
+from pathlib import Path
 from typing import Final
 
-__all__ = ['LONGEST_LOOK_S', 'RunningTime']
+__all__ = ['LONGEST_LOOK_S', 'RunningTime', 'busy_words', 'crowding']
 
 # Looking more often than this loses nothing; in what is longer, the process did not run.
 LONGEST_LOOK_S: Final = 0.25
+_LOADAVG: Final = Path('/proc/loadavg')
+_BUSY: Final = 2.0  # the nodes of one graph alone can want more processors than there are
+_PROCESSORS: Final = os.cpu_count() or 1
+
+
+def crowding() -> float:
+    """Return how many threads of the machine want to run for each processor now, at least 1."""
+    try:
+        runnable, _ = _LOADAVG.read_text(encoding='ascii').split()[3].split('/')
+        return max(1.0, int(runnable) / _PROCESSORS)
+    except (OSError, ValueError, IndexError):  # no Linux
+        return 1.0
+
+
+def busy_words() -> str:
+    """Return what to add to the message of a time limit that is over, '' on a quiet machine."""
+    crowded = crowding()
+    if crowded < _BUSY:
+        return ''
+    return (
+        f'; the machine is busy: {crowded * _PROCESSORS:.0f} threads want to run on '
+        f'{_PROCESSORS} processors')
 
 
 class RunningTime:
-    """Time since it was started; a piece between two looks counts for 0.25 s at most."""
+    """
+    Time since it was started, as far as the process could run in it.
+
+    A piece between two looks counts for 0.25 s at most, and for the n-th part where n times as many
+    threads want to run as there are processors.
+    """
 
     def __init__(self) -> None:
         self.restart()
@@ -42,6 +73,6 @@ class RunningTime:
     def elapsed_s(self) -> float:
         """Return the time that has passed; to be called several times a second."""
         now_s = time.monotonic()
-        self._elapsed_s += min(now_s - self._looked_s, LONGEST_LOOK_S)
+        self._elapsed_s += min(now_s - self._looked_s, LONGEST_LOOK_S) / crowding()
         self._looked_s = now_s
         return self._elapsed_s

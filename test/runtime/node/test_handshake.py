@@ -81,7 +81,7 @@ def test_a_writer_that_never_comes_is_named_after_the_timeout(transport, make, c
     node = make()
     transport.reader('voltage')
     assert await_peers(node) == (
-        '/rig/command has 0 writers, exactly one is needed after 10 s')
+        '/rig/command has 0 writers, exactly one is needed after 10 s (handshake_timeout_s)')
     assert 110.0 <= clock.now_s < 110.1
 
 
@@ -90,7 +90,7 @@ def test_a_reader_that_never_comes_is_named_after_the_timeout(transport, make, c
     transport.writer('command')
     transport.reader('voltage')
     assert await_peers(node) == (
-        '/rig/voltage has 1 reliable readers, 2 are needed after 10 s')
+        '/rig/voltage has 1 reliable readers, 2 are needed after 10 s (handshake_timeout_s)')
 
 
 def test_no_readers_are_needed_where_none_are_asked_for(transport, make, clock):
@@ -148,7 +148,7 @@ def test_only_required_inputs_need_a_writer_and_the_node_may_need_more(transport
     transport.reader('voltage')
     assert await_peers(node) == ''
     node.missing = 'no model'
-    assert await_peers(node) == 'no model after 10 s'
+    assert await_peers(node) == 'no model after 10 s (handshake_timeout_s)'
 
 
 def test_a_node_that_subscribes_late_does_so_once_it_knows_the_writer(transport, make, clock):
