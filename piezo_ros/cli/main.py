@@ -22,6 +22,7 @@ import sys
 from collections.abc import Sequence
 from typing import Final
 
+from piezo_ros.crash_report import report_crashes
 from piezo_ros.interruption import Interruption, remembering_interruption, stopped_by
 from piezo_ros.matrix_threads import use_one_thread
 from piezo_ros.parameters.errors import PlanError, failure_text
@@ -62,6 +63,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         0 done, 1 failed, 2 usage (also a plan that cannot be run), 3 done with loss.
 
     """
+    report_crashes()
     _write_any_text()
     try:
         with remembering_interruption() as interruption:

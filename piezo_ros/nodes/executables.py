@@ -20,6 +20,7 @@ import signal
 import sys
 from typing import TYPE_CHECKING
 
+from piezo_ros.crash_report import report_crashes
 from piezo_ros.interruption import leave_closed_terminal, set_stop_handler
 from piezo_ros.matrix_threads import use_one_thread
 from piezo_ros.runtime.process.parent import PARENT_VARIABLE
@@ -65,6 +66,7 @@ def run_controller(control_law: 'type[ControlLaw]') -> int:
 def _run(*names: str, control_law: 'type[ControlLaw] | None' = None) -> int:
     # Until the host takes over, a signal simply ends the process, without a traceback.
     set_stop_handler(_end_start)
+    report_crashes()
     _follow_parent()
     use_one_thread()
     from importlib import import_module
@@ -138,6 +140,7 @@ def loop() -> int:
 def stamped() -> int:
     """Run the onlooker that offers the streams as stamped messages."""
     set_stop_handler(_end_start)
+    report_crashes()
     from piezo_ros.nodes.usage import answer_usage
     code = answer_usage(['stamped'], sys.argv)
     if code is not None:
