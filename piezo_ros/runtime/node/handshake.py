@@ -25,6 +25,7 @@ from rclpy.duration import Duration
 from rclpy.publisher import Publisher
 
 from piezo_ros.runtime.node.hooks import NodeHooks
+from piezo_ros.runtime.node.name_twins import warn_of_twins
 from piezo_ros.runtime.process.running_time import RunningTime
 
 __all__ = ['await_acknowledgements', 'await_peers']
@@ -55,9 +56,11 @@ def await_peers(node: NodeHooks) -> str:
         if problem:
             return problem
         node.create_readers()
-    return _wait_while(
+    problem = _wait_while(
         node, waited,
         lambda: _missing_writer(node) or _missing_reader(node) or node.missing_peers())
+    warn_of_twins(node)
+    return problem
 
 
 def _wait_while(node: NodeHooks, waited: RunningTime, look: Callable[[], str]) -> str:
