@@ -104,7 +104,8 @@ names for its plant and one of its streams:
   `SetRemap('plant:__node', 'stage')` gives a node another name, under `composed` too; rules for it
   alone then name it by the new one: `SetRemap('stage:status', 'stage_status')`.
 * `SetParameter` counts for every node of the group that has such a parameter, and more than
-  arguments and files.
+  arguments and files. A name that none of these nodes has is refused as misspelt: set it in a group
+  that leaves the rig out.
 * From SIGINT to SIGTERM a node has 10 s, or what `sigterm_timeout` says.
 """.splitlines()
 

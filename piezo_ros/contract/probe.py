@@ -34,6 +34,7 @@ from piezo_ros.runtime.process.leaving import destroy_after_others
 from piezo_ros.runtime.process.middleware import initialise_rclpy
 from piezo_ros.runtime.process.ros_environment import checked_namespace
 from piezo_ros.runtime.streams.qos import EVERY_STATUS, LATCHED, STREAM
+from piezo_ros.runtime.streams.writer_names import names_of_endpoints
 from piezo_ros.streams import Block, MalformedBlockError, block_from_message_fields
 
 __all__ = ['OutputLog', 'Probe', 'block_message', 'names_of_endpoints', 'wait_for']
@@ -62,12 +63,6 @@ def block_message(
     message.layout.data_offset = 2
     message.data = [float(index), sample_period_s, *samples]
     return message
-
-
-def names_of_endpoints(endpoints: Sequence[Any]) -> str:
-    """Return the full names of the nodes that have some endpoints."""
-    return ', '.join(
-        f'{endpoint.node_namespace.rstrip("/")}/{endpoint.node_name}' for endpoint in endpoints)
 
 
 class OutputLog:

@@ -27,10 +27,9 @@ from piezo_ros.runtime.process.running_time import RunningTime
 from piezo_ros.runtime.streams.fault import StreamFault
 from piezo_ros.runtime.streams.qos import LATCHED
 from piezo_ros.runtime.streams.reader import StreamReader
+from piezo_ros.runtime.streams.writer_names import names_of_endpoints, wrong_writers
 
-__all__ = ['NO_MORE', 'DemandReader', 'DemandWriter']
-
-NO_MORE = 'no more samples are demanded'
+__all__ = ['DemandReader', 'DemandWriter']
 
 
 class DemandWriter:
@@ -45,6 +44,7 @@ class DemandWriter:
     """
 
     def __init__(self, node: LoopNode) -> None:
+        self._node = node
         self._lookahead = 0
         self._publisher = node.create_own_publisher(UInt64, 'demand', LATCHED)
         self._renew_at = 0
@@ -76,7 +76,16 @@ class DemandWriter:
             if waiting > max_buffer_samples:
                 raise StreamFault(
                     f'{waiting} samples of {reader.subscription.topic_name} wait, allowed are '
-                    f'{max_buffer_samples}')
+                    f'{max_buffer_samples} (max_buffer_samples): its writer does not keep to '
+                    f'{self._publisher.topic_name}, or another node writes that too; '
+                    f'{self._names_of_writers(reader)}')
+
+    def _names_of_writers(self, reader: StreamReader) -> str:
+        """Return which nodes write a stream and the demand, as far as known."""
+        return ', '.join(
+            f'{topic} is written by {names_of_endpoints(writers) or "no node that is known"}'
+            for topic in (reader.subscription.topic_name, self._publisher.topic_name)
+            for writers in [self._node.get_publishers_info_by_topic(topic)])
 
     def end(self) -> None:
         """Ask for nothing more."""
@@ -102,6 +111,7 @@ class DemandReader:
     """
 
     def __init__(self, node: LoopNode) -> None:
+        self._node = node
         self._subscription = node.create_own_subscription(UInt64, 'demand', LATCHED)
         self._take_message = self._subscription.handle.take_message
         self.start()
@@ -122,6 +132,27 @@ class DemandReader:
         """Number of its writers."""
         return self._subscription.get_publisher_count()
 
+    def wrong_writers(self) -> str:
+        """Return which writers it has, if that is not exactly one, else ''."""
+        count = self.writers
+        return '' if count == 1 else wrong_writers(self._node, self.topic_name, count)
+
+    def why_ended(self) -> str:
+        """
+        Return what has ended the demand.
+
+        Raises
+        ------
+        StreamFault
+            If it has several writers, so that it may have been a foreign one.
+
+        """
+        why = f'{self.topic_name} is 0: no more samples are demanded'
+        if self.writers > 1:
+            raise StreamFault(f'{why}; {self.wrong_writers()}')
+        writers = names_of_endpoints(self._node.get_publishers_info_by_topic(self.topic_name))
+        return f'{why} by {writers}' if writers else why
+
     def take(self) -> bool:
         """Take the newest demand; return whether there is a new one."""
         taken = self._take_message(UInt64, False)
@@ -139,9 +170,11 @@ class DemandReader:
         Raises
         ------
         StreamFault
-            If it has had none for some time.
+            If it has had none for some time, or has several.
 
         """
+        if self.writers > 1:
+            raise StreamFault(self.wrong_writers())
         if self.writers:
             self._lost = None
         elif self._lost is None:

@@ -106,11 +106,13 @@ class Recorder(LoopNode):
         timeout_s = self._recording.parameters_timeout_s
         return not self._peers.owing or self._waited_at_end.elapsed_s() > timeout_s
 
-    def _describe(self) -> None:
+    def _describe(self, *, last: bool = False) -> None:
         """Add to the bag what nodes have told of themselves only after it was begun."""
-        if self._bag is not None and not self._is_described and self._peers.complete():
-            self._bag.describe(*self._description.contents())
-            self._is_described = True
+        if self._bag is None or (self._is_described and not last):
+            return
+        self._is_described = self._peers.complete()
+        if (self._is_described or last) and (news := self._description.news()):
+            self._bag.describe(*news)
 
     def _write_pending(self, bag: BagWriter) -> None:
         for stream, raw in self._pending:
@@ -137,7 +139,7 @@ class Recorder(LoopNode):
         try:
             self._write_pending(self._bag)
             self._take_the_rest(self._bag)
-            self._describe()
+            self._describe(last=True)
             self._bag.close()
         except BagError as error:
             self.run.note_fault(f'cannot finish the bag: {error}')

@@ -21,6 +21,7 @@ import rclpy
 from rclpy.exceptions import ParameterException
 
 from piezo_ros.nodes.stamped import Stamped
+from piezo_ros.runtime.node.given_parameters import check_given_parameters
 from piezo_ros.runtime.node.rclpy_node.guard import explain
 from piezo_ros.runtime.process.distribution import make_events_executor, name_of_distribution
 from piezo_ros.runtime.process.leaving import exit_after
@@ -34,7 +35,9 @@ _LEAVE_S = 4.0
 
 def _create_node(message_type: Any) -> Stamped | None:
     try:
-        return Stamped(message_type)
+        node = Stamped(message_type)
+        check_given_parameters({'stamped': node}, sys.argv)
+        return node
     except (ParameterException, RuntimeError, TypeError, ValueError) as error:
         # Names the parameter, its value and the range, or what of an overridden QoS is nonsense.
         print(f'stamped cannot start: {explain(error)}', file=sys.stderr)

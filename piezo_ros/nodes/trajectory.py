@@ -18,7 +18,7 @@ from typing import Any
 
 from piezo_ros.control.trajectory import TrajectoryParameters
 from piezo_ros.control.trajectory_blocks import trajectory_blocks
-from piezo_ros.nodes.demand import NO_MORE, DemandReader
+from piezo_ros.nodes.demand import DemandReader
 from piezo_ros.parameters.node_parameters import BlockParameters
 from piezo_ros.runtime.node.loop_node import LoopNode
 from piezo_ros.runtime.node.parameters import read
@@ -51,10 +51,7 @@ class Trajectory(LoopNode):
 
     def missing_peers(self) -> str:
         """Return why no samples can be demanded, '' where they can."""
-        writers = self._demand.writers
-        if writers != 1:
-            return f'{self._demand.topic_name} has {writers} writers, exactly one is needed'
-        return ''
+        return self._demand.wrong_writers()
 
     def start(self) -> None:
         """Begin at the first sample."""
@@ -69,7 +66,7 @@ class Trajectory(LoopNode):
             if not self._demand.take():
                 return False
             if self._demand.ended:
-                self.stop(NO_MORE, by_peer=True)
+                self.stop(self._demand.why_ended(), by_peer=True)
                 return True
             self._limit = min(self._demand.limit, self._samples)
         count = min(self._limit - self._index, self._block_samples * BURST_BLOCKS)

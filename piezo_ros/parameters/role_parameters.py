@@ -26,7 +26,7 @@ from typing import Any
 
 from piezo_ros.parameters.parameter_file import parameter_sections, read_yaml
 
-__all__ = ['parameter_files', 'role_parameters']
+__all__ = ['name_matches', 'parameter_files', 'role_parameters']
 
 
 def parameter_files(arguments: Sequence[str]) -> list[Path]:
@@ -66,13 +66,18 @@ def role_parameters(role: str, namespace: str, files: Sequence[Path]) -> dict[st
         content = read_yaml(file)
         if isinstance(content, Mapping):
             for pattern, section in parameter_sections(content):
-                if _pattern_of(pattern).fullmatch(name):
+                if name_matches(pattern, name):
                     values.update(section)
     return values
 
 
-def _pattern_of(name: str) -> 're.Pattern[str]':
-    """Return the expression for a name in which * is one part and ** any number of them."""
+def name_matches(pattern: str, name: str) -> bool:
+    """
+    Return whether a pattern of a parameter file fits the full name of a node.
+
+    In the pattern, * is one part of the name and ** any number of them.
+    """
     parts = {'**': '(?:/[^/]+)*', '*': '/[^/]+'}
-    return re.compile(''.join(
-        parts.get(part, f'/{re.escape(part)}') for part in name.split('/') if part))
+    return re.fullmatch(''.join(
+        parts.get(part, f'/{re.escape(part)}') for part in pattern.split('/') if part),
+        name) is not None

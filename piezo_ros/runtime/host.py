@@ -31,6 +31,7 @@ from rclpy.exceptions import NameValidationException, ParameterException
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.lifecycle import TransitionCallbackReturn
 
+from piezo_ros.runtime.node.given_parameters import check_given_parameters
 from piezo_ros.runtime.node.handshake import await_acknowledgements
 from piezo_ros.runtime.node.loop_node import LoopNode
 from piezo_ros.runtime.process.distribution import make_events_executor
@@ -134,6 +135,7 @@ def _serve(make_nodes: Callable[[], Sequence[LoopNode]], stop: _NodeStop) -> int
     executor = make_events_executor()
     try:
         nodes = list(make_nodes())
+        check_given_parameters({node.role: node for node in nodes}, sys.argv)
     except (ParameterException, ValueError, _rclpy.RCLError, NameValidationException) as error:
         # Names the parameter, its value and the range, or the file; or a name that ROS refuses.
         print(error, file=sys.stderr)

@@ -46,6 +46,8 @@ class FakeTransport:
     def __init__(self):
         self.publishers = defaultdict(list)
         self.subscriptions = defaultdict(list)
+        self.foreign_nodes = []  # name and namespace of nodes that nothing else is known of
+        self.servers = 1  # of every service
 
     def owner(self, name='node'):
         return FakeOwner(self, name)
@@ -191,6 +193,19 @@ class FakeOwner:
 
     def count_publishers(self, topic):
         return len(self.transport.publishers[topic])
+
+    def get_publishers_info_by_topic(self, topic):
+        return self.transport.publishers[full_name(topic)]
+
+    def get_node_names_and_namespaces(self):
+        """Return the nodes that publish something, each once, and the foreign ones."""
+        own = {
+            (each.node_name, each.node_namespace)
+            for ends in self.transport.publishers.values() for each in ends}
+        return [*own, *self.transport.foreign_nodes]
+
+    def count_services(self, name):
+        return self.transport.servers
 
     def get_subscriptions_info_by_topic(self, topic):
         return self.transport.subscriptions[topic]

@@ -14,9 +14,11 @@
 
 """What a bag says of its run: the parameters of all nodes, as told by them or by a file."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from piezo_ros.bag.description import LOST_KEY
 from piezo_ros.nodes.recorder_parts.peer_parameters import PeerParameters
 from piezo_ros.parameters.node_parameters import LOOP_NODES
 from piezo_ros.parameters.parameter_file import parameters_yaml, read_parameter_file
@@ -45,12 +47,33 @@ class RunDescription:
         self._namespace = namespace
         self._parameters_file = parameters_file
         self._peers = peers
+        self._told: tuple[dict[str, str], str] | None = None
+        self._written: set[str] = set()  # names of the nodes of which parameters were told
+
+    def news(self) -> tuple[dict[str, str], str] | None:
+        """Return `contents` if they have changed since they were returned last, else None."""
+        told = self._told
+        contents = self.contents()
+        return None if contents == told else contents
 
     def contents(self) -> tuple[dict[str, str], str]:
         """Return the metadata of the run and the parameters of all nodes, as far as known."""
         parameters = {**self._filed_parameters(), **self._peers.parameters}
+        lost = self._uncertain(parameters)
+        self._written |= parameters.keys()
         metadata = run_metadata(parameters_by_role(parameters))
-        return metadata, parameters_yaml(self._namespace, parameters)
+        if lost or (self._told and LOST_KEY in self._told[0]):
+            metadata[LOST_KEY] = '\n'.join(lost)
+        self._told = metadata, parameters_yaml(self._namespace, parameters)
+        return self._told
+
+    def _uncertain(self, parameters: Mapping[str, Any]) -> list[str]:
+        """Return a sentence on each node of which the parameters are not certain."""
+        return [
+            f'the parameters of {name} are '
+            f'{"not certain" if name in self._written else "not recorded"}: {count} nodes have '
+            'this name'
+            for name, count in sorted(self._peers.twins.items()) if name not in parameters]
 
     def missing(self) -> list[str]:
         """Return the nodes that have not answered and are in no file, by full name."""

@@ -25,7 +25,9 @@ from rclpy.duration import Duration
 from rclpy.publisher import Publisher
 
 from piezo_ros.runtime.node.hooks import NodeHooks
+from piezo_ros.runtime.node.name_twins import warn_of_twins
 from piezo_ros.runtime.process.running_time import RunningTime, busy_words
+from piezo_ros.runtime.streams.writer_names import wrong_writers
 
 __all__ = ['await_acknowledgements', 'await_peers']
 
@@ -55,9 +57,11 @@ def await_peers(node: NodeHooks) -> str:
         if problem:
             return problem
         node.create_readers()
-    return _wait_while(
+    problem = _wait_while(
         node, waited,
         lambda: _missing_writer(node) or _missing_reader(node) or node.missing_peers())
+    warn_of_twins(node)
+    return problem
 
 
 def _wait_while(node: NodeHooks, waited: RunningTime, look: Callable[[], str]) -> str:
@@ -84,7 +88,7 @@ def _unknown_writer(node: NodeHooks) -> str:
         topic = node.resolve_topic_name(node.input_topic(stream))
         writers = node.count_publishers(topic)
         if writers != 1:
-            return _wrong_number(topic, writers)
+            return wrong_writers(node, topic, writers)
     return ''
 
 
@@ -93,12 +97,8 @@ def _missing_writer(node: NodeHooks) -> str:
     for stream, reader in node.readers.items():
         writers = reader.subscription.get_publisher_count()
         if stream in required and writers != 1:
-            return _wrong_number(reader.subscription.topic_name, writers)
+            return wrong_writers(node, reader.subscription.topic_name, writers)
     return ''
-
-
-def _wrong_number(topic: str, writers: int) -> str:
-    return f'{topic} has {writers} writers, exactly one is needed'
 
 
 def _missing_reader(node: NodeHooks) -> str:

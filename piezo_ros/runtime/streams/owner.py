@@ -44,5 +44,8 @@ class StreamOwner(Protocol):
     def get_logger(self) -> Any:
         """Return the logger of the node."""
 
+    def get_publishers_info_by_topic(self, topic_name: str) -> list[Any]:
+        """Return the endpoint of every writer of a topic, by its full name."""
+
     def get_subscriptions_info_by_topic(self, topic_name: str) -> list[Any]:
         """Return the endpoint of every reader of a topic, by its full name."""

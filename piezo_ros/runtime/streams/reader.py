@@ -38,6 +38,7 @@ from piezo_ros.runtime.streams.owner import StreamOwner
 from piezo_ros.runtime.streams.qos import STREAM
 from piezo_ros.runtime.streams.run_fence import RunFence
 from piezo_ros.runtime.streams.sample_queue import SampleQueue
+from piezo_ros.runtime.streams.writer_names import writers_beside, wrong_writers
 from piezo_ros.streams import BlockCodec, MalformedBlockError
 
 __all__ = ['StreamReader']
@@ -318,7 +319,7 @@ class StreamReader:
             return True
         writers = self.subscription.get_publisher_count()
         if writers > 1:
-            raise StreamFault(f'{self.subscription.topic_name} has {writers} writers')
+            raise StreamFault(wrong_writers(self._node, self.subscription.topic_name, writers))
         if writers == 1:
             self._lost = None
         elif self._lost is None or self._received_then != self.received:
@@ -341,14 +342,16 @@ class StreamReader:
             self._period_s = period_s
         if period_s != self._period_s:
             raise StreamFault(
-                f'{topic} has the sample period {period_s!r} s, expected {self._period_s!r} s')
+                f'{topic} has the sample period {period_s!r} s, expected {self._period_s!r} s'
+                f'{writers_beside(self._node, self.subscription)}')
         if first:
             self._first = self.next_index = index
             self._node.begin_at(index)
         if index != self.next_index:
             self.gaps += 1
             raise StreamFault(
-                f'{topic} lacks the samples {self.next_index} … {index - 1}')
+                f'{topic} lacks the samples {self.next_index} … {index - 1}'
+                f'{writers_beside(self._node, self.subscription)}')
         return True
 
     def _refuse(self, reason: str) -> None:
@@ -358,7 +361,7 @@ class StreamReader:
             self._warned = now
             self._node.get_logger().warning(
                 f'refused a block on {self.subscription.topic_name} ({self.refused} so far): '
-                f'{reason}')
+                f'{reason}{writers_beside(self._node, self.subscription)}')
 
 
 def _take_bytes(subscription: Subscription) -> bytes | None:

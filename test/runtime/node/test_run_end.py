@@ -114,7 +114,8 @@ def test_a_lost_writer_is_a_fault_after_its_timeout(run, clock):
 def test_a_second_writer_is_a_fault(run, clock):
     run.node.transport.writer('command')
     run.look_after(clock, 0.5)
-    assert run.state.fault == '/rig/command has 2 writers'
+    assert run.state.fault == (
+        '/rig/command has 2 writers (/rig/writer, /rig/writer), exactly one is needed')
 
 
 def test_the_status_is_repeated_once_a_second(run, clock):
