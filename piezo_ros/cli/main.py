@@ -15,6 +15,7 @@
 """The command ``piezo``."""
 
 import argparse
+import errno
 import importlib
 import io
 import os
@@ -30,6 +31,7 @@ from piezo_ros.parameters.given_paths import check_paths
 __all__ = ['main']
 
 EXIT_DONE, EXIT_FAILED, EXIT_USAGE, EXIT_LOSS = range(4)
+_NO_ROOM: Final = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
 
 # Each with its line in `piezo --help`. The module of this name beside this one describes its
 # arguments (add_arguments) and does it; only the one that is asked for is imported.
@@ -75,10 +77,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return EXIT_USAGE
     except BrokenPipeError:
         # The reader of the output has gone: `piezo bag info BAG | head -1`. Python flushes at exit.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _discard_output()
     except (OSError, MemoryError) as error:
+        if isinstance(error, OSError) and error.filename is None and error.errno in _NO_ROOM:
+            error.filename = 'standard output'  # every other file is named where it is written
         print(f'piezo: {failure_text(error)}', file=sys.stderr)
+        _discard_output()  # what could not be written is tried again at the exit
     return EXIT_FAILED
+
+
+def _discard_output() -> None:
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _write_any_text() -> None:

@@ -34,6 +34,7 @@ from piezo_ros.interruption import STOP_SIGNALS, was_interrupted
 from piezo_ros.live.node_status import BadStatusError, parse_status
 from piezo_ros.live.process_group import POLL_S, ProcessGroup
 from piezo_ros.parameters.errors import CampaignError
+from piezo_ros.report.files import write_atomically
 from piezo_ros.runtime.process.leaving import destroy_after_others, exit_after
 from piezo_ros.runtime.process.middleware import initialise_rclpy
 from piezo_ros.runtime.process.ros_environment import checked_namespace
@@ -112,10 +113,9 @@ class Supervisor:
         self, path: Path, sections: Mapping[str, Mapping[str, Any]],
     ) -> list[str]:
         """Write a parameter file, node by node; return the arguments for executables with it."""
-        path.parent.mkdir(exist_ok=True)
-        path.write_text(yaml.safe_dump({
+        write_atomically(path, yaml.safe_dump({
             f'{self.namespace}/{node}': {'ros__parameters': dict(values)}
-            for node, values in sections.items()}), encoding='utf-8')
+            for node, values in sections.items()}))
         return [*self.arguments, '--params-file', str(path)]
 
     def begin_graph(self) -> None:
