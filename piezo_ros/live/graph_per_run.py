@@ -221,7 +221,8 @@ class _LiveRun:
             # A process that is told to end before its run is over fails, as it should.
             if not stopped or faults:
                 reason = self._statuses.get(name, {}).get('reason', '')
-                return [f'{name} failed' + (f': {reason}' if reason else ''), *faults]
+                others = [fault for fault in faults if fault != f'{name}: {reason}']
+                return [f'{name} failed' + (f': {reason}' if reason else ''), *others]
         return [] if stopped else self._cut_short()
 
     def _cut_short(self) -> list[str]:

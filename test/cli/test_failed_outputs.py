@@ -65,6 +65,7 @@ def test_a7_an_output_that_is_full_is_named(tmp_path):
         writer.write_block('voltage', 0, 1e-5, [1.0])
     with open('/dev/full', 'w') as full:
         done = piezo(
-            'bag', 'info', tmp_path / 'bag', stdout=full, stderr=subprocess.PIPE, capture_output=False)
+            'bag', 'info', tmp_path / 'bag', stdout=full, stderr=subprocess.PIPE,
+            capture_output=False)
     assert done.returncode == 1
     assert done.stderr == 'piezo: standard output: No space left on device\n'
