@@ -22,11 +22,12 @@ import errno
 import resource
 from typing import Final
 
-__all__ = ['MINIMUM_ADDRESS_BYTES', 'limit_behind', 'memory_limit', 'memory_problem']
+__all__ = ['COMMAND_BYTES', 'GRAPH_BYTES', 'limit_behind', 'memory_limit', 'memory_problem']
 
-# What a process of this package has mapped at most before its first sample, compiler included; most
-# of it is reserved and never used.
-MINIMUM_ADDRESS_BYTES: Final = 3 << 30
+# What a process maps at most before its first sample: libraries, compiler, threads. Most of it is
+# reserved and never used.
+COMMAND_BYTES: Final = 700 << 20
+GRAPH_BYTES: Final = 2 << 30  # with the middleware; the composed loop is the largest
 _MEBIBYTE: Final = 1 << 20
 _MEMORY_LIMITS: Final = (
     (resource.RLIMIT_AS, 'address space', 'ulimit -v'),
@@ -42,22 +43,28 @@ def memory_limit() -> str:
         if (limit := resource.getrlimit(number)[0]) != resource.RLIM_INFINITY)
 
 
-def memory_problem() -> str:
-    """Return why the memory of this process is too small to begin; '' where it is not."""
-    limits = [
-        limit for number, _, _ in _MEMORY_LIMITS
-        if (limit := resource.getrlimit(number)[0]) != resource.RLIM_INFINITY]
-    if not limits or min(limits) >= MINIMUM_ADDRESS_BYTES:
+def memory_problem(needed_bytes: int) -> str:
+    """
+    Return why a process has too little memory to begin, '' where it has enough.
+
+    Parameters
+    ----------
+    needed_bytes : int
+        `COMMAND_BYTES` or `GRAPH_BYTES`.
+
+    """
+    limit = resource.getrlimit(resource.RLIMIT_AS)[0]
+    if limit == resource.RLIM_INFINITY or limit >= needed_bytes:
         return ''
     return (
-        f'this process has {memory_limit()}, at least {MINIMUM_ADDRESS_BYTES / _MEBIBYTE:.0f} MiB '
-        'are needed')
+        f'a process has an {memory_limit()}, at least {needed_bytes / _MEBIBYTE:.0f} MiB are '
+        'needed')
 
 
 def limit_behind(error: BaseException) -> str:
     """Return the limit that may have caused an error, as the end of a sentence; '' for none."""
     if isinstance(error, MemoryError) and memory_limit():
-        return f'; this process has {memory_limit()}'
+        return f'; a process has an {memory_limit()}'
     size = resource.getrlimit(resource.RLIMIT_FSIZE)[0]
     if isinstance(error, OSError) and error.errno == errno.EFBIG and (
             size != resource.RLIM_INFINITY):

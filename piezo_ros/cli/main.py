@@ -27,6 +27,7 @@ from piezo_ros.interruption import Interruption, remembering_interruption, stopp
 from piezo_ros.matrix_threads import use_one_thread
 from piezo_ros.parameters.errors import PlanError, failure_text
 from piezo_ros.parameters.given_paths import check_paths
+from piezo_ros.resource_limits import COMMAND_BYTES, GRAPH_BYTES, memory_problem
 
 __all__ = ['main']
 
@@ -78,8 +79,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except BrokenPipeError:
         # The reader of the output has gone: `piezo bag info BAG | head -1`. Python flushes at exit.
         _discard_output()
-    except (OSError, MemoryError) as error:
-        if isinstance(error, OSError) and error.filename is None and error.errno in _NO_ROOM:
+    except MemoryError as error:
+        print(f'piezo: {failure_text(error)}', file=sys.stderr)
+    except OSError as error:
+        if error.filename is None and error.errno in _NO_ROOM:
             error.filename = 'standard output'  # every other file is named where it is written
         print(f'piezo: {failure_text(error)}', file=sys.stderr)
         _discard_output()  # what could not be written is tried again at the exit
@@ -107,6 +110,9 @@ def _run(arguments: Sequence[str], interruption: Interruption) -> int:
         command = commands.add_parser(
             name, help=help_line, formatter_class=argparse.RawDescriptionHelpFormatter)
         if name == asked_for:
+            problem = memory_problem(GRAPH_BYTES if name == 'run' else COMMAND_BYTES)
+            if problem:
+                raise MemoryError(problem)
             importlib.import_module(f'piezo_ros.cli.{name}').add_arguments(command)
     if interruption.came:  # an import may have caught it
         raise KeyboardInterrupt

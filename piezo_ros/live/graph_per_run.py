@@ -26,6 +26,7 @@ from piezo_ros.live.run_parameters import run_parameters
 from piezo_ros.live.supervisor import Supervisor, how_it_ended, stopped_by
 from piezo_ros.parameters.errors import CampaignError
 from piezo_ros.parameters.run import PlannedRun, RunResult
+from piezo_ros.resource_limits import memory_limit
 from piezo_ros.runtime.process.running_time import RunningTime
 
 __all__ = ['GraphPerRun']
@@ -205,7 +206,9 @@ class _LiveRun:
         unresponsive = [
             f'{name} did not end when it was asked to, and was killed'
             for name in self._processes.unresponsive]
-        return [*self._causes(stopped=stopped), *unresponsive]
+        problems = [*self._causes(stopped=stopped), *unresponsive]
+        limits = memory_limit()
+        return [*problems, f'every process had an {limits}'] if problems and limits else problems
 
     def _causes(self, *, stopped: bool) -> list[str]:
         # Told to end one after the other, some see their peers go before they are told themselves.

@@ -43,7 +43,7 @@ def failure_text(error: Exception) -> str:
 
     """
     if isinstance(error, MemoryError):
-        return f'{str(error) or "out of memory"}{limit_behind(error)}'
+        return str(error) or f'out of memory{limit_behind(error)}'
     if isinstance(error, OSError) and error.strerror:
         names = [
             os.fsdecode(name) for name in (error.filename, error.filename2) if name is not None]
