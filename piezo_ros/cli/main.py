@@ -29,7 +29,7 @@ from piezo_ros.parameters.errors import PlanError, failure_text
 from piezo_ros.parameters.given_paths import check_paths
 from piezo_ros.resource_limits import COMMAND_BYTES, GRAPH_BYTES, memory_problem
 
-__all__ = ['main']
+__all__ = ['argument_parser', 'main']
 
 EXIT_DONE, EXIT_FAILED, EXIT_USAGE, EXIT_LOSS = range(4)
 _NO_ROOM: Final = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
@@ -102,6 +102,18 @@ def _write_any_text() -> None:
 
 def _run(arguments: Sequence[str], interruption: Interruption) -> int:
     use_one_thread()
+    parser = argument_parser(arguments)
+    if interruption.came:  # an import may have caught it
+        raise KeyboardInterrupt
+    options = parser.parse_args(arguments)
+    check_paths(vars(options).values())
+    code = options.function(options)
+    assert isinstance(code, int)
+    return code
+
+
+def argument_parser(arguments: Sequence[str]) -> argparse.ArgumentParser:
+    """Return a parser that knows the options of the command that is among some arguments."""
     parser = argparse.ArgumentParser(
         prog='piezo', description='Piezo nano-positioning on ROS 2: run, analyse, report.')
     commands = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
@@ -114,13 +126,7 @@ def _run(arguments: Sequence[str], interruption: Interruption) -> int:
             if problem:
                 raise MemoryError(problem)
             importlib.import_module(f'piezo_ros.cli.{name}').add_arguments(command)
-    if interruption.came:  # an import may have caught it
-        raise KeyboardInterrupt
-    options = parser.parse_args(arguments)
-    check_paths(vars(options).values())
-    code = options.function(options)
-    assert isinstance(code, int)
-    return code
+    return parser
 
 
 if __name__ == '__main__':
