@@ -37,7 +37,10 @@ from piezo_ros.parameters.errors import CampaignError
 from piezo_ros.report.files import write_atomically
 from piezo_ros.runtime.process.leaving import destroy_after_others, exit_after
 from piezo_ros.runtime.process.middleware import initialise_rclpy
-from piezo_ros.runtime.process.ros_environment import checked_namespace
+from piezo_ros.runtime.process.ros_environment import (
+    checked_namespace,
+    keep_discovery_on_this_machine,
+)
 from piezo_ros.runtime.process.running_time import RunningTime
 from piezo_ros.runtime.process.stop_request import StopRequest
 from piezo_ros.runtime.streams.qos import EVERY_STATUS
@@ -82,6 +85,7 @@ class Supervisor:
         for handler in self._old_handlers.values():
             if was_interrupted(handler):
                 self._stop.signal_number = handler.signal_number
+        keep_discovery_on_this_machine()
         initialise_rclpy()
         self._node = rclpy.create_node('supervisor', namespace=self.namespace)
         self._subscription = self._node.create_subscription(

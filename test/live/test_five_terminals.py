@@ -15,8 +15,9 @@
 
 import re
 
-from piezo_ros.bag import read
 from processes import ROOT
+
+from piezo_ros.bag import read
 
 
 def test_b9_the_five_terminals_of_the_readme_record_a_whole_run(rig, assert_whole):
