@@ -14,7 +14,7 @@
 
 """Reading, writing and salvage of runs recorded in rosbag2 directories; needs no ROS."""
 
-from piezo_ros.bag.errors import BagError, BagExistsError
+from piezo_ros.bag.errors import BagError, BagExistsError, BagWriteError
 from piezo_ros.bag.reader import read
 from piezo_ros.bag.recording import Recording, open_recording
 from piezo_ros.bag.run import Run
@@ -26,6 +26,7 @@ __all__ = [
     'STREAMS',
     'BagError',
     'BagExistsError',
+    'BagWriteError',
     'BagWriter',
     'Block',
     'BlockCodec',

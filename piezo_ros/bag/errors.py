@@ -14,7 +14,7 @@
 
 """The error every function of `piezo_ros.bag` raises for a bag that cannot be read or written."""
 
-__all__ = ['BagError', 'BagExistsError']
+__all__ = ['BagError', 'BagExistsError', 'BagWriteError']
 
 
 class BagError(Exception):
@@ -23,3 +23,22 @@ class BagError(Exception):
 
 class BagExistsError(BagError, FileExistsError):
     """The output of a writer exists already; nothing is ever overwritten."""
+
+
+class BagWriteError(BagError):
+    """
+    A bag that cannot be written: no room, no permission, its directory deleted.
+
+    Attributes
+    ----------
+    cause : str
+        What the system says, without a file.
+    whole_messages : int
+        Of a failed salvage: the number of messages that are whole in the damaged bag.
+
+    """
+
+    def __init__(self, text: str, cause: str, whole_messages: int = 0) -> None:
+        super().__init__(text)
+        self.cause = cause
+        self.whole_messages = whole_messages

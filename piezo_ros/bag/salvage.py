@@ -39,11 +39,12 @@ from piezo_ros.bag.description import (
     intact_records,
     with_digest,
 )
-from piezo_ros.bag.errors import BagError, BagExistsError
+from piezo_ros.bag.errors import BagError, BagExistsError, BagWriteError
 from piezo_ros.bag.sinks import Sink
 from piezo_ros.bag.topic_messages import MessageCounts
 from piezo_ros.bag.topics import remapped_part
 from piezo_ros.parameters.bounded_yaml import YamlError, yaml_content
+from piezo_ros.parameters.errors import cause_of
 
 __all__ = ['Salvage', 'salvage']
 
@@ -101,7 +102,9 @@ def salvage(path: Path | str, output: Path | str, *, compression: str = 'zstd') 
     BagExistsError
         If the output exists.
     BagError
-        If the bag cannot be read, no message in it is whole, or the output cannot be written.
+        If the bag cannot be read or no message in it is whole.
+    BagWriteError
+        If the output cannot be written; nothing of it is left, and the bag is as it was.
 
     """
     output = Path(output)
@@ -113,10 +116,16 @@ def salvage(path: Path | str, output: Path | str, *, compression: str = 'zstd') 
         survey = _surveyed(files, survey.files)
     if not survey.messages:
         raise BagError(f'{path} holds no whole message: {"; ".join(survey.lost)}')
-    with _put_in_place(output) as unfinished:
-        _write(survey, unfinished, compression)
-        # Samples that are no numbers are not lost, hence they may be in the streams.
-        found = Contents(unfinished, _no_sink, keep_not_finite=True)
+    try:
+        with _put_in_place(output) as unfinished:
+            _write(survey, unfinished, compression)
+            # Samples that are no numbers are not lost, hence they may be in the streams.
+            found = Contents(unfinished, _no_sink, keep_not_finite=True)
+    except BagWriteError as error:
+        whole = sum(survey.messages.values())
+        raise BagWriteError(
+            f'cannot write {output}: {error.cause}; nothing of it is left, {whole} messages are '
+            f'whole in {path}', error.cause, whole) from error
     return Salvage(output, dict(survey.messages), (*survey.lost, *found.problems()))
 
 
@@ -148,11 +157,8 @@ def _put_in_place(output: Path) -> Iterator[Path]:
     except OSError as error:
         if isinstance(error, BagError):
             raise
-        raise BagError(f'cannot create the bag {output}: {error.strerror}') from error
-    except BagError as error:
-        if isinstance(error.__cause__, OSError):  # what is written so far is not kept
-            raise BagError(f'cannot write {output}: {error.__cause__.strerror}') from error
-        raise
+        cause = cause_of(error)
+        raise BagWriteError(f'cannot create the bag {output}: {cause}', cause) from error
 
 
 def _write(survey: '_Survey', directory: Path, compression: str) -> None:

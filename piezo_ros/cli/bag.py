@@ -24,6 +24,7 @@ import numpy as np
 
 from piezo_ros.bag import STREAMS, BagError, open_recording, salvage
 from piezo_ros.cli.loss import add_loss_option
+from piezo_ros.parameters.errors import naming_file
 
 __all__ = ['add_arguments']
 
@@ -61,9 +62,7 @@ def _guarded(
 ) -> int:
     try:
         lost = action(options)
-    except BrokenPipeError:
-        raise
-    except (BagError, OSError) as error:
+    except BagError as error:
         print(f'piezo: {error}', file=sys.stderr)
         return 1
     for loss in lost:
@@ -109,7 +108,7 @@ def _export(options: argparse.Namespace) -> tuple[str, ...]:
     # Half a table would pass for a whole one.
     unfinished = options.output.with_name(f'{options.output.name}.part')
     try:
-        with unfinished.open('w', encoding='utf-8') as file:
+        with naming_file(options.output), unfinished.open('w', encoding='utf-8') as file:
             file.write(','.join(names) + '\n')
             for piece in run.pieces(_EXPORTED_AT_ONCE):
                 # 17 significant digits: the same bits come back.

@@ -19,6 +19,7 @@ import sys
 from pathlib import Path
 
 from piezo_ros.cli.progress import Progress
+from piezo_ros.report.files import write_atomically
 
 __all__ = ['add_arguments']
 
@@ -44,7 +45,7 @@ def _calibrate(options: argparse.Namespace) -> int:
     calibration = calibrate_rig(
         generations=options.generations, seed=options.seed, progress=progress.show)
     progress.end()
-    options.output.write_text(calibration.to_parameter_yaml(), encoding='utf-8')
+    write_atomically(options.output, calibration.to_parameter_yaml())
     for name, found in (
             ('all rows', calibration.overall), ('fitted rows', calibration.fitted),
             ('held-out rows', calibration.held_out)):

@@ -33,8 +33,9 @@ from piezo_ros.model import (
     LinearDynamics,
     ParameterError,
 )
-from piezo_ros.parameters.errors import PlanError
+from piezo_ros.parameters.errors import PlanError, failure_text
 from piezo_ros.parameters.parameter_file import read_parameter_set
+from piezo_ros.report.files import write_atomically
 
 if TYPE_CHECKING:
     from piezo_ros.identification import DynamicsFit, FrequencyResponse
@@ -147,9 +148,9 @@ def _guarded(
         _refuse_different_periods(runs)
         files = identify(options, runs)
         for path, text in files.items():
-            path.write_text(text, encoding='utf-8')
+            write_atomically(path, text)
     except (BagError, PlanError, ParameterError, ValueError, OSError) as error:
-        print(f'piezo: {error}', file=sys.stderr)
+        print(f'piezo: {failure_text(error)}', file=sys.stderr)
         return 1
     print(f'model: {", ".join(map(str, files))}')
     lost = [f'{run.path}: {loss}' for run in runs for loss in run.lost]

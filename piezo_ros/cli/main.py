@@ -15,6 +15,7 @@
 """The command ``piezo``."""
 
 import argparse
+import errno
 import importlib
 import io
 import os
@@ -27,10 +28,12 @@ from piezo_ros.interruption import Interruption, remembering_interruption, stopp
 from piezo_ros.matrix_threads import use_one_thread
 from piezo_ros.parameters.errors import PlanError, failure_text
 from piezo_ros.parameters.given_paths import check_paths
+from piezo_ros.resource_limits import COMMAND_BYTES, GRAPH_BYTES, memory_problem
 
-__all__ = ['main']
+__all__ = ['argument_parser', 'main']
 
 EXIT_DONE, EXIT_FAILED, EXIT_USAGE, EXIT_LOSS = range(4)
+_NO_ROOM: Final = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
 
 # Each with its line in `piezo --help`. The module of this name beside this one describes its
 # arguments (add_arguments) and does it; only the one that is asked for is imported.
@@ -77,10 +80,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return EXIT_USAGE
     except BrokenPipeError:
         # The reader of the output has gone: `piezo bag info BAG | head -1`. Python flushes at exit.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-    except (OSError, MemoryError) as error:
+        _discard_output()
+    except MemoryError as error:
         print(f'piezo: {failure_text(error)}', file=sys.stderr)
+    except OSError as error:
+        if error.filename is None and error.errno in _NO_ROOM:
+            error.filename = 'standard output'  # every other file is named where it is written
+        print(f'piezo: {failure_text(error)}', file=sys.stderr)
+        _discard_output()  # what could not be written is tried again at the exit
     return EXIT_FAILED
+
+
+def _discard_output() -> None:
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _write_any_text() -> None:
@@ -92,6 +104,18 @@ def _write_any_text() -> None:
 
 def _run(arguments: Sequence[str], interruption: Interruption) -> int:
     use_one_thread()
+    parser = argument_parser(arguments)
+    if interruption.came:  # an import may have caught it
+        raise KeyboardInterrupt
+    options = parser.parse_args(arguments)
+    check_paths(vars(options).values())
+    code = options.function(options)
+    assert isinstance(code, int)
+    return code
+
+
+def argument_parser(arguments: Sequence[str]) -> argparse.ArgumentParser:
+    """Return a parser that knows the options of the command that is among some arguments."""
     parser = argparse.ArgumentParser(
         prog='piezo', description='Piezo nano-positioning on ROS 2: run, analyse, report.')
     commands = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
@@ -100,14 +124,11 @@ def _run(arguments: Sequence[str], interruption: Interruption) -> int:
         command = commands.add_parser(
             name, help=help_line, formatter_class=argparse.RawDescriptionHelpFormatter)
         if name == asked_for:
+            problem = memory_problem(GRAPH_BYTES if name == 'run' else COMMAND_BYTES)
+            if problem:
+                raise MemoryError(problem)
             importlib.import_module(f'piezo_ros.cli.{name}').add_arguments(command)
-    if interruption.came:  # an import may have caught it
-        raise KeyboardInterrupt
-    options = parser.parse_args(arguments)
-    check_paths(vars(options).values())
-    code = options.function(options)
-    assert isinstance(code, int)
-    return code
+    return parser
 
 
 if __name__ == '__main__':

@@ -23,7 +23,7 @@ from typing import Final
 from piezo_ros.bag import BagError, Recording, open_recording
 from piezo_ros.cli.loss import add_loss_option
 from piezo_ros.experiment.output_directory import prepare_directory
-from piezo_ros.parameters.errors import PlanError
+from piezo_ros.parameters.errors import PlanError, failure_text
 from piezo_ros.parameters.provenance import software_versions
 from piezo_ros.report import ScoredRun, score
 from piezo_ros.report.run_tables import text_table
@@ -93,7 +93,7 @@ def _report(options: argparse.Namespace) -> int:
         print(f'piezo: {error}', file=sys.stderr)
         return 2
     except (BagError, ValueError, OSError) as error:
-        print(f'piezo: {error}', file=sys.stderr)
+        print(f'piezo: {failure_text(error)}', file=sys.stderr)
         return 1
     for run in runs:
         for loss in run.lost:

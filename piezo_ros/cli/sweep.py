@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Final
 
 from piezo_ros.cli.progress import Progress
 from piezo_ros.interruption import stopped_by
-from piezo_ros.parameters.errors import CampaignError, PlanError
+from piezo_ros.parameters.errors import CampaignError, PlanError, failure_text
 
 if TYPE_CHECKING:
     from piezo_ros.experiment.sweep.work import Engine
@@ -88,7 +88,7 @@ def _sweep(options: argparse.Namespace) -> int:
             workers=options.workers, progress=progress)
     except (CampaignError, ImportError, OSError) as error:
         progress.end()
-        print(f'piezo: {error}', file=sys.stderr)
+        print(f'piezo: {failure_text(error)}', file=sys.stderr)
         return 1
     except KeyboardInterrupt as interrupt:
         progress.end()

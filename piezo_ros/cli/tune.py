@@ -25,8 +25,9 @@ from piezo_ros.control.feedforward import PERIODIC
 from piezo_ros.experiment.model_file import read_bound, read_dynamics
 from piezo_ros.experiment.plan.automatic import AUTO
 from piezo_ros.model import LinearDynamics
-from piezo_ros.parameters.errors import PlanError
+from piezo_ros.parameters.errors import PlanError, failure_text
 from piezo_ros.parameters.parameter_file import read_parameter_set
+from piezo_ros.report.files import write_atomically
 
 if TYPE_CHECKING:
     from piezo_ros.identification.tuning.linear_plant import Bound, Model
@@ -135,12 +136,10 @@ def _tune(options: argparse.Namespace) -> int:
         # Predictions simulate the rig, which has the dynamics (6).
         points = predicted_points(options, tuning, bound) if (
             isinstance(model, LinearDynamics) and not options.no_operating_points) else ()
-        options.output.write_text(
-            tuning.to_parameter_yaml(
-                source=str(options.model), table=feedback_table(points) if points else None),
-            encoding='utf-8')
+        write_atomically(options.output, tuning.to_parameter_yaml(
+            source=str(options.model), table=feedback_table(points) if points else None))
     except (PlanError, ValueError, OSError) as error:
-        print(f'piezo: {error}', file=sys.stderr)
+        print(f'piezo: {failure_text(error)}', file=sys.stderr)
         return 1
     print(
         f'sampled every {options.sample_period_s:g} s, measurement '

@@ -14,18 +14,17 @@
 
 """A campaign: the runs of a plan one after the other, their bags, and the report."""
 
-import shutil
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from piezo_ros.bag import open_recording
-from piezo_ros.experiment.output_directory import PLAN_COPY
+from piezo_ros.bag import BagError, open_recording
+from piezo_ros.experiment.output_directory import keep_plan
 from piezo_ros.experiment.plan import Plan
 from piezo_ros.interruption import interruptible
-from piezo_ros.parameters.errors import CampaignError
+from piezo_ros.parameters.errors import CampaignError, failure_text
 from piezo_ros.parameters.provenance import software_versions
 from piezo_ros.parameters.run import PlannedRun, RunResult
 from piezo_ros.report import ScoredRun, score
@@ -85,7 +84,7 @@ def run_campaign(
     """
     from piezo_ros.report.page.run_report import write_report
 
-    shutil.copyfile(plan.path, directory / PLAN_COPY)
+    plan_text = keep_plan(plan.path, directory)
     scored: list[ScoredRun] = []
     notes: list[str] = []
     predictions: dict[str, dict[str, Any]] = {}
@@ -97,8 +96,8 @@ def run_campaign(
             result = run(planned, bag)
             if not planned.bare:  # it follows no reference
                 scored.append(_scored(plan, directory, bag, result))
-        except CampaignError as error:
-            failure = error
+        except (CampaignError, BagError, OSError) as error:
+            failure = CampaignError(failure_text(error))
             notes.append(f'The campaign ended at run {number}, {planned.name}: {error}')
             break
         notes += [f'{planned.name}: {note}' for note in result.notes]
@@ -111,15 +110,25 @@ def run_campaign(
                 f'{planned.prediction.reason}')
     report: Path | None = None
     if scored:
-        with interruptible():
-            report = write_report(
-                directory, title=plan.title, runs=scored, software=software_versions(),
-                notes=notes, predictions=predictions,
-                plan=(directory / PLAN_COPY).read_text(encoding='utf-8'),
-                command=' '.join(['piezo', *sys.argv[1:]]))
+        try:
+            with interruptible():
+                report = write_report(
+                    directory, title=plan.title, runs=scored, software=software_versions(),
+                    notes=notes, predictions=predictions, plan=plan_text,
+                    command=' '.join(['piezo', *sys.argv[1:]]))
+        except OSError as error:
+            words = [] if failure is None else [str(failure)]
+            raise CampaignError('; '.join([*words, _without_report(error, directory)])) from None
     if failure:
         raise failure
     return Campaign(tuple(scored), report)
+
+
+def _without_report(error: OSError, directory: Path) -> str:
+    """Return what to say of a report that cannot be written, and of what is there without it."""
+    return (
+        f'the report cannot be written: {failure_text(error)}; the bags of the runs before are '
+        f'whole, `piezo report {directory} -o DIR` reports them where there is room')
 
 
 def _scored(plan: Plan, directory: Path, bag: Path, result: RunResult) -> ScoredRun:

@@ -19,12 +19,13 @@ from pathlib import Path
 from typing import Final
 
 from piezo_ros.parameters.errors import PlanError
+from piezo_ros.report.files import write_atomically
 
-__all__ = ['PLAN_COPY', 'prepare_directory']
+__all__ = ['keep_plan', 'prepare_directory']
 
 # Only what bears this name is ever deleted: a plan.yaml of the user's own may lie anywhere.
 _MARKER: Final = '.piezo_output'
-PLAN_COPY: Final = 'plan.yaml'
+_PLAN_COPY: Final = 'plan.yaml'
 
 
 def prepare_directory(directory: Path, *, force: bool) -> None:
@@ -54,3 +55,10 @@ def prepare_directory(directory: Path, *, force: bool) -> None:
         shutil.rmtree(directory)
     directory.mkdir(parents=True, exist_ok=True)
     (directory / _MARKER).touch()
+
+
+def keep_plan(source: Path, directory: Path) -> str:
+    """Copy the file of a plan to the output made from it; return its text, for the report."""
+    content = source.read_bytes()
+    write_atomically(directory / _PLAN_COPY, content)
+    return content.decode('utf-8')

@@ -22,10 +22,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-import yaml
-
 from piezo_ros.launching.arguments import PLANT_ARGUMENTS, SCAN_ARGUMENTS, value_text
 from piezo_ros.model import ParameterError
+from piezo_ros.parameters.bounded_yaml import yaml_content
 from piezo_ros.parameters.node_parameters import LOOP_NODES, check_node_parameters
 from piezo_ros.parameters.parameter_file import read_parameter_file
 
@@ -182,7 +181,7 @@ def _file(node: str, values: Mapping[str, str]) -> Path:
 
 def _value(text: str) -> Any:
     """Return a value as `ros2 run … -p name:=text` would take it."""
-    value = yaml.safe_load(text)
+    value = yaml_content(text)
     if isinstance(value, str):
         try:
             return float(value)  # 1e-5, which is text for YAML 1.1

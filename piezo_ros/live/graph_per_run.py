@@ -26,6 +26,7 @@ from piezo_ros.live.run_parameters import run_parameters
 from piezo_ros.live.supervisor import Supervisor, how_it_ended, stopped_by
 from piezo_ros.parameters.errors import CampaignError
 from piezo_ros.parameters.run import PlannedRun, RunResult
+from piezo_ros.resource_limits import memory_limit
 from piezo_ros.runtime.process.running_time import RunningTime
 
 __all__ = ['GraphPerRun']
@@ -205,7 +206,9 @@ class _LiveRun:
         unresponsive = [
             f'{name} did not end when it was asked to, and was killed'
             for name in self._processes.unresponsive]
-        return [*self._causes(stopped=stopped), *unresponsive]
+        problems = [*self._causes(stopped=stopped), *unresponsive]
+        limits = memory_limit()
+        return [*problems, f'every process had an {limits}'] if problems and limits else problems
 
     def _causes(self, *, stopped: bool) -> list[str]:
         # Told to end one after the other, some see their peers go before they are told themselves.
@@ -221,7 +224,8 @@ class _LiveRun:
             # A process that is told to end before its run is over fails, as it should.
             if not stopped or faults:
                 reason = self._statuses.get(name, {}).get('reason', '')
-                return [f'{name} failed' + (f': {reason}' if reason else ''), *faults]
+                others = [fault for fault in faults if fault != f'{name}: {reason}']
+                return [f'{name} failed' + (f': {reason}' if reason else ''), *others]
         return [] if stopped else self._cut_short()
 
     def _cut_short(self) -> list[str]:

@@ -50,6 +50,7 @@ class ProcessGroup:
         self.blamed: dict[str, int] = {}
         self.unresponsive: list[str] = []
         self._processes: dict[str, subprocess.Popen[bytes]] = {}
+        self._asked_by: dict[str, list[int]] = {}  # signals that `stop` has sent to each
 
     def __contains__(self, name: object) -> bool:
         """Return whether an executable was started."""
@@ -79,7 +80,9 @@ class ProcessGroup:
         """Return whether a process ended otherwise than well, and remember it."""
         for name, process in self._processes.items():
             code = process.poll()
-            if code and name not in self.unresponsive:
+            # One that is still to take over its signals dies of what it is asked to end by.
+            asked = code is not None and -code in self._asked_by.get(name, ())
+            if code and not asked and name not in self.unresponsive:
                 self.blamed.setdefault(name, code)
         return bool(self.blamed)
 
@@ -95,6 +98,7 @@ class ProcessGroup:
                 if process.poll() is None:
                     if step == signal.SIGKILL:
                         self.unresponsive.append(name)
+                    self._asked_by.setdefault(name, []).append(step)
                     process.send_signal(step)
             waited = RunningTime()
             while self.going() and waited.elapsed_s() < grace_s:

@@ -16,7 +16,8 @@
 
 from pathlib import Path
 
-from piezo_ros.bag import BagError, salvage
+from piezo_ros.bag import BagError, BagWriteError, salvage
+from piezo_ros.parameters.errors import failure_text
 
 __all__ = ['rescue']
 
@@ -39,9 +40,18 @@ def rescue(bag: Path) -> list[str]:
     if (bag / 'metadata.yaml').is_file() or not bag.exists():
         return []
     cut = bag.with_name(f'{bag.name}.cut')
-    bag.rename(cut)
+    try:
+        bag.rename(cut)
+    except OSError as error:
+        return [f'the bag was not closed and is left as it is ({failure_text(error)}): {bag}']
     try:
         result = salvage(cut, bag)
+    except BagWriteError as error:
+        cut.rename(bag)
+        return [(
+            f'the bag was not closed; {error.whole_messages} messages of it are whole, but a bag '
+            f'of them cannot be written beside it ({error.cause}): `piezo bag salvage {bag} '
+            '-o DIR` saves them where there is room')]
     except BagError as error:
         return [
             f'the bag was not closed and nothing of it is whole ({error}); it is kept in {cut}']

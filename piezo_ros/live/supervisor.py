@@ -34,9 +34,13 @@ from piezo_ros.interruption import STOP_SIGNALS, was_interrupted
 from piezo_ros.live.node_status import BadStatusError, parse_status
 from piezo_ros.live.process_group import POLL_S, ProcessGroup
 from piezo_ros.parameters.errors import CampaignError
+from piezo_ros.report.files import write_atomically
 from piezo_ros.runtime.process.leaving import destroy_after_others, exit_after
 from piezo_ros.runtime.process.middleware import initialise_rclpy
-from piezo_ros.runtime.process.ros_environment import checked_namespace
+from piezo_ros.runtime.process.ros_environment import (
+    checked_namespace,
+    keep_discovery_on_this_machine,
+)
 from piezo_ros.runtime.process.running_time import RunningTime
 from piezo_ros.runtime.process.stop_request import StopRequest
 from piezo_ros.runtime.streams.qos import EVERY_STATUS
@@ -81,6 +85,7 @@ class Supervisor:
         for handler in self._old_handlers.values():
             if was_interrupted(handler):
                 self._stop.signal_number = handler.signal_number
+        keep_discovery_on_this_machine()
         initialise_rclpy()
         self._node = rclpy.create_node('supervisor', namespace=self.namespace)
         self._subscription = self._node.create_subscription(
@@ -112,10 +117,9 @@ class Supervisor:
         self, path: Path, sections: Mapping[str, Mapping[str, Any]],
     ) -> list[str]:
         """Write a parameter file, node by node; return the arguments for executables with it."""
-        path.parent.mkdir(exist_ok=True)
-        path.write_text(yaml.safe_dump({
+        write_atomically(path, yaml.safe_dump({
             f'{self.namespace}/{node}': {'ros__parameters': dict(values)}
-            for node, values in sections.items()}), encoding='utf-8')
+            for node, values in sections.items()}))
         return [*self.arguments, '--params-file', str(path)]
 
     def begin_graph(self) -> None:

@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING
 from piezo_ros.crash_report import report_crashes
 from piezo_ros.interruption import leave_closed_terminal, set_stop_handler
 from piezo_ros.matrix_threads import use_one_thread
+from piezo_ros.resource_limits import GRAPH_BYTES, memory_problem
 from piezo_ros.runtime.process.parent import PARENT_VARIABLE
 
 if TYPE_CHECKING:
@@ -67,6 +68,10 @@ def _run(*names: str, control_law: 'type[ControlLaw] | None' = None) -> int:
     # Until the host takes over, a signal simply ends the process, without a traceback.
     set_stop_handler(_end_start)
     report_crashes()
+    problem = memory_problem(GRAPH_BYTES)
+    if problem:
+        print(problem, file=sys.stderr)
+        return 1
     _follow_parent()
     use_one_thread()
     from importlib import import_module

@@ -46,7 +46,7 @@ _Loader.add_implicit_resolver(
     'tag:yaml.org,2002:float', re.compile(r'[-+]?[0-9]+[eE][-+]?[0-9]+$'), list('-+0123456789'))
 
 
-def yaml_content(text: str | bytes) -> Any:
+def yaml_content(text: str | bytes, *, unique_keys: bool = False) -> Any:
     """
     Return the content of a YAML text.
 
@@ -54,6 +54,8 @@ def yaml_content(text: str | bytes) -> Any:
     ----------
     text : str or bytes
         One document, bytes in UTF-8.
+    unique_keys : bool, optional
+        Refuse a mapping that has a key twice, of which the last would win without a word.
 
     Returns
     -------
@@ -64,20 +66,51 @@ def yaml_content(text: str | bytes) -> Any:
     ------
     YamlError
         If it is no YAML, larger than `MAXIMUM_BYTES`, nested deeper than 64 levels, repeated by
-        aliases more than a million times, or has an alias for what it lies in.
+        aliases more than a million times, has an alias for what it lies in, or a key twice.
 
     """
     if len(text) > MAXIMUM_BYTES:
         raise YamlError(f'{len(text)} bytes of YAML, at most {MAXIMUM_BYTES} are read')
     try:
         _check_events(text)
-        # A loader of the safe kind.
-        return yaml.load(text, _Loader)
+        loader = _Loader(text)  # of the safe kind
+        try:
+            node = loader.get_single_node()
+            if node is None:
+                return None
+            if unique_keys:
+                _check_keys(node)
+            return loader.construct_document(node)
+        finally:
+            loader.dispose()
     except YamlError:
         raise
     except (yaml.YAMLError, ValueError, RecursionError, OverflowError) as error:
         # ValueError: no UTF-8, a date that does not exist, a number beyond all bounds.
         raise YamlError(str(error)) from None
+
+
+def _check_keys(root: yaml.Node) -> None:
+    """Refuse a key that comes twice in one mapping; both lines are named."""
+    unchecked, checked = [root], set()
+    while unchecked:
+        node = unchecked.pop()
+        if id(node) in checked:  # aliases
+            continue
+        checked.add(id(node))
+        if isinstance(node, yaml.SequenceNode):
+            unchecked += node.value
+        elif isinstance(node, yaml.MappingNode):
+            lines: dict[tuple[str, str], int] = {}
+            for key, value in node.value:
+                unchecked += [key, value]
+                if not isinstance(key, yaml.ScalarNode):
+                    continue
+                line = key.start_mark.line + 1
+                first = lines.get((key.tag, key.value))
+                if first is not None:
+                    raise YamlError(f'the key {key.value!r} is in line {first} and in line {line}')
+                lines[key.tag, key.value] = line
 
 
 def _check_events(text: str | bytes) -> None:

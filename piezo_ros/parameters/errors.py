@@ -15,8 +15,13 @@
 """Errors of input files and of runs."""
 
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
 
-__all__ = ['CampaignError', 'PlanError', 'failure_text']
+from piezo_ros.resource_limits import limit_behind
+
+__all__ = ['CampaignError', 'PlanError', 'cause_of', 'failure_text', 'naming_file']
 
 
 class PlanError(ValueError):
@@ -38,7 +43,33 @@ def failure_text(error: Exception) -> str:
 
     """
     if isinstance(error, MemoryError):
-        return str(error) or 'out of memory'
-    if isinstance(error, OSError) and error.filename is not None and error.strerror:
-        return f'{os.fsdecode(error.filename)}: {error.strerror}'
+        return str(error) or f'out of memory{limit_behind(error)}'
+    if isinstance(error, OSError) and error.strerror:
+        names = [
+            os.fsdecode(name) for name in (error.filename, error.filename2) if name is not None]
+        return ': '.join([' -> '.join(names), cause_of(error)] if names else [cause_of(error)])
     return str(error)
+
+
+def cause_of(error: OSError) -> str:
+    """Return what the system says of an error, without its number and its file."""
+    return f'{error.strerror or error}{limit_behind(error)}'
+
+
+@contextmanager
+def naming_file(path: Path | str) -> Iterator[None]:
+    """
+    Let an error of the system name a file, which those of writing and closing do not.
+
+    Parameters
+    ----------
+    path : Path or str
+        The file that is written inside the context.
+
+    """
+    try:
+        yield
+    except OSError as error:
+        if error.filename is None and error.errno is not None:
+            error.filename = str(path)
+        raise

@@ -49,12 +49,12 @@ def read_yaml(path: Path) -> Any:
     Raises
     ------
     PlanError
-        If it cannot be read.
+        If it cannot be read, or a mapping in it has a key twice.
 
     """
     try:
         with path.open('rb') as file:
-            return yaml_content(file.read(MAXIMUM_BYTES + 1))
+            return yaml_content(file.read(MAXIMUM_BYTES + 1), unique_keys=True)
     except OSError as error:
         raise PlanError(f'{path}: {error.strerror}') from None
     except YamlError as error:

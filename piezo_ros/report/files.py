@@ -17,6 +17,8 @@
 import os
 from pathlib import Path
 
+from piezo_ros.parameters.errors import naming_file
+
 __all__ = ['write_atomically']
 
 
@@ -35,14 +37,16 @@ def write_atomically(path: Path, content: bytes | str) -> None:
     Raises
     ------
     OSError
-        If the directory or the file cannot be written; the old file is then untouched.
+        If the directory or the file cannot be written; it names the file, and the old file is
+        then untouched.
 
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(f'.{path.name}.{os.getpid()}.tmp')
     try:
-        temporary.write_bytes(
-            content.encode(errors='backslashreplace') if isinstance(content, str) else content)
+        with naming_file(path):
+            temporary.write_bytes(
+                content.encode(errors='backslashreplace') if isinstance(content, str) else content)
         temporary.replace(path)
     finally:
         temporary.unlink(missing_ok=True)

@@ -14,14 +14,13 @@
 
 """Runs the study of the paper and writes its report."""
 
-import shutil
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 from piezo_ros.bag import Run, read
-from piezo_ros.experiment.output_directory import PLAN_COPY
+from piezo_ros.experiment.output_directory import keep_plan
 from piezo_ros.experiment.plan import Plan
 from piezo_ros.interruption import interruptible
 from piezo_ros.parameters.provenance import software_versions
@@ -67,8 +66,7 @@ def run_study(
         If a run does not come to its end; the bags of those before it stay.
 
     """
-    copy = directory / PLAN_COPY
-    shutil.copyfile(plan.path, copy)
+    plan_text = keep_plan(plan.path, directory)
     count = 0
     wall_seconds: dict[str, float] = {}
 
@@ -92,6 +90,5 @@ def run_study(
         row['wall_seconds'] = wall_seconds[f'scan_{row["scheme"]}']
     with interruptible():
         report = write_study_page(
-            directory, results, record, plan=copy.read_text(encoding='utf-8'),
-            command=' '.join(['piezo', *sys.argv[1:]]))
+            directory, results, record, plan=plan_text, command=' '.join(['piezo', *sys.argv[1:]]))
     return results, report

@@ -144,3 +144,9 @@ def test_more_periods_than_were_recorded_are_refused(campaign, report, tmp_path)
     assert code == 1
     assert '000_ff_triangle_1um_300hz: ' in err
     assert not (tmp_path / 'out').exists()
+
+
+def test_a13_a_scheme_that_is_no_formula_is_reported(foreign, report, tmp_path):
+    told = [r'$\frac{$' if word == 'ff' else word for word in DESCRIPTION]
+    assert report(foreign, *told, '-o', tmp_path / 'out')[0] == 0
+    assert r'$\frac{$' in (tmp_path / 'out' / 'report.html').read_text()

@@ -62,3 +62,21 @@ def test_yaml_within_the_bounds_is_read(text, content):
     found = yaml_content(text)
     if content is not None or not text:
         assert found == content
+
+
+@pytest.mark.parametrize(('text', 'words'), [
+    ('runs: [1]\na: 2\nruns: [3]', "the key 'runs' is in line 1 and in line 3"),
+    ('a: {b: 1,\n "b": 2}', "the key 'b' is in line 1 and in line 2"),
+    ('- {x: 1, x: 1}', "the key 'x' is in line 1 and in line 1"),
+    ('a: &a {b: 1}\nc: [*a, {d: 1, d: 2}]', "the key 'd' is in line 2 and in line 2"),
+])
+def test_a13_a_key_that_comes_twice_is_refused_with_both_lines(text, words):
+    with pytest.raises(YamlError, match=words):
+        yaml_content(text, unique_keys=True)
+    assert yaml_content(text)  # bags of other writers may have them
+
+
+@pytest.mark.parametrize('text', [
+    'a: &a {x: 1}\nb: {<<: *a, x: 2}', '1: a\n"1": b', 'a: {x: 1}\nb: {x: 1}', ''])
+def test_keys_that_differ_or_override_merged_ones_are_read(text):
+    assert yaml_content(text, unique_keys=True) == yaml_content(text)

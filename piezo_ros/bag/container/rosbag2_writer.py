@@ -19,6 +19,7 @@ Topics of any type can be written. No clock is read and
 no version of a library is written, so that the same calls give the same bytes.
 """
 
+import errno
 import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -29,7 +30,9 @@ from typing import Any, Final, NamedTuple
 import yaml
 from mcap.writer import CompressionType, Writer
 
-from piezo_ros.bag.errors import BagError, BagExistsError
+from piezo_ros.bag.container.whole_chunks import count_whole_chunks
+from piezo_ros.bag.errors import BagError, BagExistsError, BagWriteError
+from piezo_ros.parameters.errors import cause_of
 
 __all__ = ['COMPRESSIONS', 'MAXIMUM_TIME_NS', 'Rosbag2Writer', 'Topic', 'plain_yaml']
 
@@ -89,7 +92,7 @@ class Rosbag2Writer:
         If the compression is unknown.
     BagExistsError
         If the directory exists.
-    BagError
+    BagWriteError
         If it cannot be created.
 
     """
@@ -114,7 +117,8 @@ class Rosbag2Writer:
         except FileExistsError:
             raise BagExistsError(f'{self.path} exists; a bag is never overwritten') from None
         except OSError as error:
-            raise BagError(f'cannot create the bag {self.path}: {error.strerror}') from error
+            cause = cause_of(error)
+            raise BagWriteError(f'cannot create the bag {self.path}: {cause}', cause) from error
         with self._disk():
             self._writer = Writer(
                 self._file, chunk_size=_CHUNK_BYTES, compression=COMPRESSIONS[compression])
@@ -127,13 +131,33 @@ class Rosbag2Writer:
         except OSError as error:
             raise self._failure(error) from error
 
-    def _failure(self, error: OSError) -> BagError:
+    def _failure(self, error: OSError) -> BagWriteError:
         """Give the file up after an error of the disk and return the error to raise."""
         # Not the buffered close, which would try the failed write again.
         self._file.raw.close()
-        return BagError(
-            f'cannot write {self.file_path}: {error.strerror}; what was flushed before can be '
-            f'recovered with `piezo bag salvage {self.path}`')
+        cause = cause_of(error)
+        return BagWriteError(
+            f'cannot write {self.file_path}: {cause}; {self._what_is_left()}', cause)
+
+    def _what_is_left(self) -> str:
+        chunks = count_whole_chunks(self.file_path)
+        if chunks is None:
+            return 'nothing of it is left there'
+        if not chunks:
+            return 'it holds no whole chunk of messages'
+        return (
+            f'its first {chunks} chunks are whole, `piezo bag salvage {self.path} -o DIR` saves '
+            'them where there is room')
+
+    def _check_place(self) -> None:
+        """Notice that the file was deleted or moved: writing to it would go on without error."""
+        try:
+            there = os.path.samestat(os.fstat(self._file.fileno()), self.file_path.stat())
+        except FileNotFoundError:
+            there = False
+        if not there:
+            raise FileNotFoundError(
+                errno.ENOENT, 'it was deleted or moved while it was being written')
 
     @property
     def closed(self) -> bool:
@@ -175,8 +199,10 @@ class Rosbag2Writer:
 
         Raises
         ------
+        BagWriteError
+            If the disk is full or fails; the text says what of the bag is whole.
         BagError
-            If the disk is full or fails, or the log time is outside 0 … 2**63 - 1 ns.
+            If the log time is outside 0 … 2**63 - 1 ns.
 
         """
         if not 0 <= log_time_ns <= MAXIMUM_TIME_NS:
@@ -194,6 +220,7 @@ class Rosbag2Writer:
     def flush(self) -> None:
         """Hand everything written so far to the operating system, as whole chunks."""
         with self._disk():
+            self._check_place()
             self._writer.flush()  # type: ignore[no-untyped-call]
 
     def close(self) -> None:
@@ -202,6 +229,7 @@ class Rosbag2Writer:
             return
         information = self._information()
         with self._disk():
+            self._check_place()
             self._writer.add_metadata(
                 'rosbag2', {'serialized_metadata': plain_yaml(information)})
             self._writer.finish()  # type: ignore[no-untyped-call]

@@ -15,6 +15,7 @@
 """Plans: which runs to do, read from YAML and checked before anything is started."""
 
 import itertools
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -36,6 +37,9 @@ _PLAN_KEYS: Final = (
     'sample_period_s', 'score_periods', 'runs', 'study', 'sweep')
 _KEYS_OF_RUNS: Final = ('runs', 'known_rig_files', 'uncertainty_bound_file', 'sweep')
 STUDIES: Final = ('paper',)
+# A sweep draws more of them, and keeps none in memory.
+_MOST_RUNS: Final = 10_000
+_LONGEST_TITLE: Final = 500
 
 
 @dataclass(frozen=True)
@@ -110,7 +114,7 @@ def read_plan(path: Path) -> Plan:
     if 'sample_period_s' in content:
         for node in LOOP_NODES:
             base[node]['sample_period_s'] = content['sample_period_s']
-    title = str(content.get('title', path.stem))
+    title = _title(path, content.get('title', path.stem))
     if 'study' in content:
         if content['study'] not in STUDIES:
             raise PlanError(
@@ -131,6 +135,7 @@ def read_plan(path: Path) -> Plan:
         if not isinstance(entry, Mapping):
             raise PlanError(f'{where} is {entry!r}, it must be a mapping')
         _refuse_unknown(where, entry, RUN_KEYS)
+        _check_count(where, entry, len(runs))
         for combination in _combinations(where, entry):
             combinations.append(combination)
             runs.append(plan_run(
@@ -180,6 +185,29 @@ def _combinations(where: str, entry: Mapping[str, Any]) -> list[dict[str, Any]]:
         value if key in SHORT_KEYS and isinstance(value, list) else [value]
         for key, value in entry.items()]
     return [dict(zip(entry, values, strict=True)) for values in itertools.product(*choices)]
+
+
+def _check_count(where: str, entry: Mapping[str, Any], before: int) -> None:
+    """Refuse more combinations than a plan may have, before they are made."""
+    lengths = {
+        key: len(value) for key, value in entry.items()
+        if key in SHORT_KEYS and isinstance(value, list)}
+    runs = before + math.prod(lengths.values())
+    if runs > _MOST_RUNS:
+        lists = ' x '.join(f'{count} of {key}' for key, count in lengths.items())
+        raise PlanError(
+            f'{where}: the plan has {runs} runs with it ({lists or 1}), allowed are '
+            f'{_MOST_RUNS}; a sweep draws parameters for more')
+
+
+def _title(path: Path, value: Any) -> str:
+    if not isinstance(value, str | int | float):
+        raise PlanError(f'{path}: title is a {type(value).__name__}, it must be a text')
+    title = str(value)
+    if len(title) > _LONGEST_TITLE:
+        raise PlanError(
+            f'{path}: title has {len(title)} characters, allowed are {_LONGEST_TITLE}')
+    return title
 
 
 def _refuse_unknown(where: str, content: Mapping[str, Any], known: tuple[str, ...]) -> None:

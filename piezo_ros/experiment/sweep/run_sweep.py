@@ -15,14 +15,13 @@
 """A sweep: thousands of simulated runs on an engine, resumable, their results in one table."""
 
 import json
-import shutil
 import time
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from piezo_ros.experiment.output_directory import PLAN_COPY, prepare_directory
+from piezo_ros.experiment.output_directory import keep_plan, prepare_directory
 from piezo_ros.experiment.sweep.sweep_plan import SweepPlan
 from piezo_ros.experiment.sweep.table import write_table
 from piezo_ros.experiment.sweep.work import Engine, SweepWork, finished_run
@@ -106,7 +105,7 @@ def open_sweep(plan: SweepPlan, source: Path, directory: Path, *, force: bool) -
         prepare_directory(directory, force=force)
         write_atomically(record, json.dumps(
             {'format_version': FORMAT_VERSION, 'digest': plan.digest}, indent=2) + '\n')
-    shutil.copyfile(source, directory / PLAN_COPY)
+    keep_plan(source, directory)
 
 
 def run_sweep(

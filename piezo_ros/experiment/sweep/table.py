@@ -22,6 +22,8 @@ from typing import Any, Final
 
 import numpy as np
 
+from piezo_ros.parameters.errors import naming_file
+
 __all__ = ['summary_table', 'write_table']
 
 _QUANTILES: Final = (0.05, 0.5, 0.95)
@@ -56,7 +58,9 @@ def write_table(directory: Path, results: Sequence[Mapping[str, Any]]) -> Path:
     except ImportError:
         path = directory / 'results.csv'
         unfinished = directory / 'results.csv.part'
-        with unfinished.open('w', encoding='utf-8', newline='') as file:
+        with (
+            naming_file(path), unfinished.open('w', encoding='utf-8', newline='') as file,
+        ):
             writer = csv.writer(file)
             writer.writerow(columns)
             writer.writerows(rows)
@@ -64,9 +68,10 @@ def write_table(directory: Path, results: Sequence[Mapping[str, Any]]) -> Path:
         return path
     path = directory / 'results.parquet'
     unfinished = directory / 'results.parquet.part'
-    parquet.write_table(
-        pyarrow.table({name: [row[k] for row in rows] for k, name in enumerate(columns)}),
-        unfinished)
+    with naming_file(path):
+        parquet.write_table(
+            pyarrow.table({name: [row[k] for row in rows] for k, name in enumerate(columns)}),
+            unfinished)
     unfinished.replace(path)
     return path
 

@@ -15,15 +15,21 @@
 """Exports a figure as SVG or PNG; the same figure gives the same bytes."""
 
 import io
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Final
 
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 
 from piezo_ros.report.figures.style import figure_style
 
 __all__ = ['png', 'svg']
 
 _DOTS_PER_INCH: Final = 160
+# XML cannot hold them, not even escaped.
+_NO_TEXT: Final = re.compile('[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\ud800-\udfff\ufffe\uffff]')
 
 
 def svg(figure: Figure, name: str) -> str:
@@ -44,7 +50,7 @@ def svg(figure: Figure, name: str) -> str:
 
     """
     buffer = io.BytesIO()
-    with figure_style(salt=name):
+    with figure_style(salt=name), _as_plain_text(figure):
         figure.savefig(
             buffer, format='svg', dpi=_DOTS_PER_INCH,  # of rasterised points
             metadata={'Date': None, 'Creator': None})
@@ -54,6 +60,24 @@ def svg(figure: Figure, name: str) -> str:
 def png(figure: Figure) -> bytes:
     """Return a figure as PNG."""
     buffer = io.BytesIO()
-    with figure_style():
+    with figure_style(), _as_plain_text(figure):
         figure.savefig(buffer, format='png', dpi=_DOTS_PER_INCH, metadata={'Software': None})
     return buffer.getvalue()
+
+
+@contextmanager
+def _as_plain_text(figure: Figure) -> Iterator[None]:
+    """
+    Have the texts of a figure drawn as they are: they come from bags and plans.
+
+    Matplotlib takes what stands between two dollar signs for a formula. The labels of ticks, which
+    may be formulas, are made anew while the figure is drawn.
+    """
+    before = [(text, text.get_text()) for text in figure.findobj(Text) if isinstance(text, Text)]
+    for text, words in before:
+        text.set_text(_NO_TEXT.sub('\N{REPLACEMENT CHARACTER}', words).replace('$', r'\$'))
+    try:
+        yield
+    finally:
+        for text, words in before:
+            text.set_text(words)

@@ -27,9 +27,18 @@ from typing import Final
 from piezo_ros.parameters.errors import PlanError
 from piezo_ros.user_directories import is_writable, temporary_directory
 
-__all__ = ['check_ros_environment', 'checked_arguments', 'checked_namespace']
+__all__ = [
+    'check_ros_environment',
+    'checked_arguments',
+    'checked_namespace',
+    'keep_discovery_on_this_machine',
+]
 
 _HIGHEST_DOMAIN: Final = 232  # the ports of the next one are beyond 65535
+# Any of them is the user's own choice of which machines find each other.
+_DISCOVERY_VARIABLES: Final = (
+    'ROS_AUTOMATIC_DISCOVERY_RANGE', 'ROS_STATIC_PEERS', 'ROS_DISCOVERY_SERVER',
+    'ROS_LOCALHOST_ONLY')
 # Names of topics have at most 247 characters; what stands behind the namespace has 38 at most,
 # /compensator/set_parameters_atomically.
 _LONGEST_NAMESPACE: Final = 200
@@ -49,6 +58,16 @@ def check_ros_environment() -> None:
     """
     _check_domain(os.environ.get('ROS_DOMAIN_ID', ''))
     _check_log_directory()
+
+
+def keep_discovery_on_this_machine() -> None:
+    """
+    Let nodes of this process and its children be found from this machine alone.
+
+    Nothing is changed where the user has said anything about discovery.
+    """
+    if not any(os.environ.get(variable) for variable in _DISCOVERY_VARIABLES):
+        os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
 
 
 def _check_domain(text: str) -> None:

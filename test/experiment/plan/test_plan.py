@@ -229,3 +229,27 @@ def test_a_bad_value_is_laid_at_the_door_of_its_parameter_file(write_plan, tmp_p
     (tmp_path / 'own.yaml').write_text('/**/plant: {ros__parameters: {noise_rms_um: .nan}}')
     message = refusal_of(write_plan(parameter_files=['own.yaml']))
     assert 'own.yaml: plant: noise_rms_um is nan um, allowed is 0 … 1000 um' in message
+
+
+A_HUNDRED = str([*range(1, 101)])
+
+
+@pytest.mark.parametrize(('text', 'words'), [
+    ('format_version: 1\nruns: [{scheme: ff}]\nruns: [{scheme: fb}]\n',
+     "the key 'runs' is in line 2 and in line 3"),
+    ('format_version: 1\nruns:\n  - scheme: ff\n    scheme: fb\n',
+     "the key 'scheme' is in line 3 and in line 4"),
+    ((f'format_version: 1\nruns: [{{amplitude_um: {A_HUNDRED}, frequency_hz: {A_HUNDRED}, '
+     f'harmonics: {A_HUNDRED}, periods: {A_HUNDRED}}}]\n'),
+     ('the plan has 100000000 runs with it (100 of amplitude_um x 100 of frequency_hz x 100 of '
+     'harmonics x 100 of periods), allowed are 10000')),
+    ('format_version: 1\ntitle: [a, b]\nruns: [{scheme: ff}]\n', 'title is a list'),
+    (f'format_version: 1\ntitle: {"x" * 501}\nruns: [{{scheme: ff}}]\n',
+     'title has 501 characters, allowed are 500'),
+    ('format_version: 1\na: &a [x, x, x, x, x, x, x, x]\n' + ''.join(
+        f'{name}: &{name} [{", ".join([f"*{before}"] * 8)}]\n'
+        for before, name in zip('abcdefgh', 'bcdefghi', strict=True)) + 'title: *i\nruns: []\n',
+     'aliases repeat more than 1000000 characters'),
+], ids=['runs-twice', 'scheme-twice', 'combinations', 'list', 'long', 'aliases'])
+def test_a13_a_plan_without_bounds_or_with_a_key_twice_is_refused_at_once(write_plan, text, words):
+    assert words in refusal_of(write_plan(text))
