@@ -116,8 +116,8 @@ def page(directory):
         failures = [failure for session in sessions for failure in session['failures']]
         parts += [
             f'\n## {path.stem.replace("_", " ").capitalize()}\n\n',
-            f'{sum(session["trials"] for session in sessions)} trials. '
-            + f'Failures: {len(failures)}.\n\n',
+            f'Trials: {sum(session["trials"] for session in sessions)}. ',
+            f'Failures: {len(failures)}.\n\n',
             '| date | commit | Python | load | trials | failed |\n|---|---|---|---|---|---|\n']
         parts += [
             f'| {session["date"]} | {session["commit"]} | {session["python"]} '
