@@ -276,10 +276,12 @@ class _Survey:
         schema = file.schemas.get(channel.schema_id)
         if schema is None:
             return False
-        topic = self.topics.setdefault(channel.topic, Topic(
-            channel.topic, schema.name, channel.message_encoding,
-            schema.data.decode('utf-8', 'replace'), schema.encoding,
-            channel.metadata.get('topic_type_hash', ''), _qos(channel)))
+        if channel.topic not in self.topics:
+            self.topics[channel.topic] = Topic(
+                channel.topic, schema.name, channel.message_encoding,
+                schema.data.decode('utf-8', 'replace'), schema.encoding,
+                channel.metadata.get('topic_type_hash', ''), _qos(channel))
+        topic = self.topics[channel.topic]
         return (topic.type_name, topic.serialization) == (schema.name, channel.message_encoding)
 
     def whole_messages(self, path: Path) -> Iterator[tuple[str, int, int, bytes]]:

@@ -99,7 +99,7 @@ def _existing(path: Path, listed: _Listed) -> BagFiles:
         raise BagError(
             f'{path} is compressed by rosbag2 (compression_mode {listed.compression_mode}), only '
             'the compression within MCAP is read; `ros2 bag convert` turns one into the other')
-    present = [name for name in listed.names if (path / name).is_file()]
+    present = [name for name in listed.names if _is_file(path / name)]
     missing = [name for name in listed.names if name not in present]
     if not present:
         raise BagError(f'{path} lacks the file {missing[0]} that its metadata.yaml names')
@@ -107,6 +107,14 @@ def _existing(path: Path, listed: _Listed) -> BagFiles:
         [path / name for name in present],
         [f'the file {name} that metadata.yaml names is missing' for name in missing],
         listed.messages)
+
+
+def _is_file(path: Path) -> bool:
+    """Return whether there is such a file; a name may be too long for one."""
+    try:
+        return path.is_file()
+    except OSError:
+        return False
 
 
 def _other_files(path: Path) -> str:

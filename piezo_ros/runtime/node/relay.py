@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 from std_msgs.msg import Float64MultiArray
 
 from piezo_ros.runtime.node.hooks import NodeHooks
-from piezo_ros.runtime.streams.reader import StreamReader
+from piezo_ros.runtime.streams.reader import NO_BYTES, StreamReader
 from piezo_ros.runtime.streams.writer import StreamWriter
 
 __all__ = ['Relay', 'RelayedElement']
@@ -140,7 +140,7 @@ class Relay:
                 if copy and answer_index == copy.due:
                     copy.flush(answer_index)
                 return True
-            reader.raw = taken[0]
+            reader.raw = taken[0] or NO_BYTES
             return other()
 
         return look

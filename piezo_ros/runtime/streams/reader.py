@@ -24,7 +24,7 @@ import struct
 import time
 from collections.abc import Callable
 from functools import partial
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,11 +41,13 @@ from piezo_ros.runtime.streams.sample_queue import SampleQueue
 from piezo_ros.runtime.streams.writer_names import writers_beside, wrong_writers
 from piezo_ros.streams import BlockCodec, MalformedBlockError
 
-__all__ = ['StreamReader']
+__all__ = ['NO_BYTES', 'StreamReader']
 
 _isfinite = math.isfinite
 _unpack_pair = struct.Struct('<2d').unpack_from
 _WARN_S = 2.0  # a warning of one kind at most this often
+# Stands for a message of no bytes, which is refused too: empty bytes say that there was none.
+NO_BYTES: Final = b'\0'
 
 
 class StreamReader:
@@ -184,6 +186,8 @@ class StreamReader:
             ):
                 self.next_index += 1
                 return sample  # type: ignore[no-any-return]
+        elif not raw:
+            self.raw = NO_BYTES
         return None
 
     def take_array(self) -> NDArray[np.float64] | None:
@@ -204,7 +208,7 @@ class StreamReader:
     def take_raw(self) -> bool:
         """Take a message for `take_rest`; return whether there was one."""
         taken = self._take_message(Float64MultiArray, True)
-        self.raw = b'' if taken is None else taken[0]
+        self.raw = b'' if taken is None else taken[0] or NO_BYTES
         return taken is not None
 
     def take_rest(self) -> NDArray[np.float64] | None:

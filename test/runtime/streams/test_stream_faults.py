@@ -114,6 +114,17 @@ def test_malformed_bytes_are_refused_and_the_stream_goes_on(reader, transport, s
     assert take_all(reader) == [1.0]
 
 
+@pytest.mark.parametrize('take', ['take_array', 'fill'])
+def test_a_message_of_no_bytes_is_refused_and_the_stream_goes_on(
+        reader, transport, send, owner, take):
+    transport.publish_bytes('voltage', b'')
+    send(0, [1.0])
+    assert not getattr(reader, take)()
+    assert reader.refused == 1
+    assert 'refused a block' in owner.logger.warnings[0]
+    assert take_all(reader) == [1.0]
+
+
 @pytest.mark.parametrize('samples', [[9.0], [9.0, 9.0], []])
 def test_what_comes_after_the_end_is_refused(reader, send, owner, samples):
     send(0, [1.0])

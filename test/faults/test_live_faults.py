@@ -1,0 +1,66 @@
+# Copyright 2026 piezo_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The failure matrix on real processes: what must hold whatever breaks, wherever and whenever.
+
+`PIEZO_FAULT_TRIALS` is the number of trials of the slow test; its cells are drawn by their seed.
+"""
+
+import random
+import shutil
+from collections import Counter
+
+import pytest
+from fault_matrix import CELLS, Cell
+from fault_results import add_results, first_trial, number_of_trials
+from fault_trials import FaultTrial
+
+SLOW_TRIALS = 12
+QUICK = (Cell('malformed bytes', 'voltage', 'composed', 'run'),)
+
+
+def _cell(number):
+    """Return the cell of a trial: in each round of all cells every one of them comes once."""
+    rounds, place = divmod(number, len(CELLS))
+    return random.Random(rounds).sample(CELLS, len(CELLS))[place]
+
+
+def test_a_round_of_the_matrix_has_each_cell_once():
+    assert sorted(_cell(number) for number in range(len(CELLS))) == sorted(CELLS)
+
+
+@pytest.mark.parametrize('cell', QUICK, ids=lambda cell: cell.title)
+def test_a_fault_leaves_right_samples_and_a_right_exit_code(rig, make_peer, write_plan, cell):
+    FaultTrial(cell, rig, make_peer, write_plan, 0).run()
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(0)
+def test_faults_leave_right_samples_and_right_exit_codes(make_rig, make_peer, write_plan):
+    counts, failures, first = Counter(), [], first_trial()
+    numbers = range(first, first + number_of_trials(SLOW_TRIALS))
+    for number in numbers:
+        cell, rig = _cell(number), make_rig()
+        title = f'{cell.fault}: {cell.place}'
+        try:
+            counts[title, FaultTrial(cell, rig, make_peer, write_plan, number).run()] += 1
+        except (AssertionError, pytest.fail.Exception) as error:
+            failures.append(f'trial {number}, {cell.title}: {str(error)[:2000]}')
+            counts[title, 'failed'] += 1
+        finally:
+            rig.destroy()
+        shutil.rmtree(rig.directory, ignore_errors=True)
+    add_results('live_faults', counts, failures, numbers)
+    assert not failures, '\n'.join(failures)
