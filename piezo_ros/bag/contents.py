@@ -31,6 +31,7 @@ from piezo_ros.bag.description import (
     recorded_parameters,
 )
 from piezo_ros.bag.errors import BagError
+from piezo_ros.bag.run_choice import RunChoice
 from piezo_ros.bag.sinks import Sink
 from piezo_ros.bag.stream_assembly import StreamAssembler, same_period
 from piezo_ros.bag.topic_messages import MessageCounts, messages_by_topic
@@ -101,6 +102,8 @@ class Contents(Generic[_Sink]):
         Makes the sink of a stream when its first message comes.
     keep_not_finite : bool, optional
         Whether samples that are NaN or infinite are in order.
+    run : int, optional
+        Which run to read where the streams hold several, counted from 1.
 
     Attributes
     ----------
@@ -108,6 +111,8 @@ class Contents(Generic[_Sink]):
         The samples in each piece of each file, by the position of the piece.
     files : dict of Path to McapFile
         The files that were read.
+    choice : RunChoice or None
+        Which messages belong to the run, if one was asked for.
 
     Raises
     ------
@@ -118,9 +123,11 @@ class Contents(Generic[_Sink]):
 
     def __init__(
         self, path: Path, sink: Callable[[], _Sink], *, keep_not_finite: bool = False,
+        run: int | None = None,
     ) -> None:
         self._path = path
         self._sink = sink
+        self._run = run
         self._keep_not_finite = keep_not_finite
         files = bag_files(path)
         self._named: dict[str, Place] = {}
@@ -149,6 +156,7 @@ class Contents(Generic[_Sink]):
         self._topics: set[str] = set()
         self._kinds: dict[str, str | None] = {}  # topic -> its stream, None if it is none
         self._streams: dict[str, tuple[StreamAssembler, _Sink]] = {}  # by topic
+        self.choice = None if self._run is None else RunChoice(self._run)
         self.spans: dict[Path, dict[int, Span]] = {}
         self.files = {}
         for path in files.paths:
@@ -188,6 +196,8 @@ class Contents(Generic[_Sink]):
                     stream, sink, keep_not_finite=self._keep_not_finite), sink
             assembler, _ = self._streams[topic]
             before = assembler.count
+            if self.choice:
+                messages = self.choice.choose(file.path, piece, topic, stream, messages)
             assembler.add(piece, messages)
             if assembler.count > before:
                 first = assembler.start_index
@@ -237,6 +247,8 @@ class Contents(Generic[_Sink]):
         chosen = self._namespace(namespace)
         topics = self._stream_topics(chosen)
         found = {stream: self._streams[topic] for stream, topic in topics.items()}
+        if self.choice:
+            self.choice.check(path, topics.values())
         problems = [
             assembler.loss for assembler, _ in found.values() if assembler.loss is not None]
         if problems and not allow_loss:

@@ -25,7 +25,7 @@ __all__ = ['read']
 
 def read(
     path: Path | str, *, namespace: str | None = None, allow_loss: bool = False,
-    keep_not_finite: bool = False,
+    keep_not_finite: bool = False, run: int | None = None,
 ) -> Run:
     """
     Read the streams of one run from a bag.
@@ -46,6 +46,9 @@ def read(
     keep_not_finite : bool, optional
         Whether samples that are NaN or infinite belong to the run, for an analysis that can leave
         them out; by default they are damage.
+    run : int, optional
+        Which run to read where the bag holds several, one after the other, counted from 1; needed
+        only there.
 
     Returns
     -------
@@ -61,7 +64,7 @@ def read(
 
     """
     path = Path(path)
-    contents = Contents(path, Collected, keep_not_finite=keep_not_finite)
+    contents = Contents(path, Collected, keep_not_finite=keep_not_finite, run=run)
     facts = contents.facts(namespace, allow_loss=allow_loss)
     return run_of(path, facts, {
         stream: Samples(assembler.start_index, sink.samples())

@@ -23,6 +23,7 @@ from piezo_ros.bag.container.mcap_file import McapFile
 from piezo_ros.bag.contents import Contents, Facts, Span
 from piezo_ros.bag.errors import BagError
 from piezo_ros.bag.run import Run, Samples, check_part, missing_stream, run_of
+from piezo_ros.bag.run_choice import RunChoice
 from piezo_ros.bag.sinks import Collected, Extremes
 from piezo_ros.bag.stream_assembly import StreamAssembler
 from piezo_ros.bag.topic_messages import messages_by_topic
@@ -75,6 +76,7 @@ class Recording:
     _spans: Mapping[Path, Mapping[int, Span]]
     _files: Mapping[Path, McapFile]
     _keep_not_finite: bool
+    _choice: RunChoice | None
 
     @property
     def namespace(self) -> str:
@@ -226,8 +228,11 @@ class Recording:
             file = McapFile(path, surveyed)  # channels may be in a piece that is not read again
             for piece in file.pieces(needed):
                 for topic, messages in messages_by_topic(file, piece).items():
-                    if topic in needed.get(piece.position, ()):
-                        assemblers[topic].add(piece, messages)
+                    if topic not in needed.get(piece.position, ()):
+                        continue
+                    if self._choice:
+                        messages = self._choice.choose_again(path, piece, topic, messages)
+                    assemblers[topic].add(piece, messages)
 
     @staticmethod
     def _needed(span: Span, topics: Collection[str], kept: range) -> frozenset[str]:
@@ -249,14 +254,14 @@ def _missing(stream: str, start: int, stop: int) -> str:
 
 def open_recording(
     path: Path | str, *, namespace: str | None = None, allow_loss: bool = False,
-    keep_not_finite: bool = False,
+    keep_not_finite: bool = False, run: int | None = None,
 ) -> Recording:
     """
     Open a run that may be larger than the memory: all of it is checked, no sample is kept.
 
     Parameters
     ----------
-    path, namespace, allow_loss, keep_not_finite
+    path, namespace, allow_loss, keep_not_finite, run
         As `read` takes them.
 
     Returns
@@ -271,7 +276,7 @@ def open_recording(
 
     """
     path = Path(path)
-    contents = Contents(path, Extremes, keep_not_finite=keep_not_finite)
+    contents = Contents(path, Extremes, keep_not_finite=keep_not_finite, run=run)
     return Recording(
         path, contents.facts(namespace, allow_loss=allow_loss), contents.spans, contents.files,
-        keep_not_finite)
+        keep_not_finite, contents.choice)

@@ -185,7 +185,9 @@ class StreamAssembler:
                 f'{name} changes its sample period from {self.sample_period_s} s to {period} s at '
                 f'index {index:.0f}')
         if after_end[first]:
-            return first, f'{name} goes on at index {index:.0f} after its end at {due:.0f}'
+            return first, (
+                f'{name} goes on at index {index:.0f} after its end at {due:.0f}; where another '
+                'run follows, run=2 (--run 2) reads it')
         if index > due:
             return first, f'{name} has a gap: index {due:.0f} is due, {index:.0f} comes'
         return first, f'{name} has an overlap: index {due:.0f} is due, {index:.0f} comes again'

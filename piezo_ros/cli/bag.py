@@ -23,7 +23,7 @@ from typing import Final
 import numpy as np
 
 from piezo_ros.bag import STREAMS, BagError, open_recording, salvage
-from piezo_ros.cli.loss import add_loss_option
+from piezo_ros.cli.bag_options import add_bag_options, bag_options
 from piezo_ros.parameters.errors import naming_file
 
 __all__ = ['add_arguments']
@@ -47,8 +47,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     for action in (info, export, rescue):
         action.add_argument('bag', type=Path, metavar='BAG')
     for action in (info, export):
-        action.add_argument('--namespace', metavar='NS', help='the rig, where there are several')
-        add_loss_option(action)
+        add_bag_options(action)
     export.add_argument('-o', '--output', type=Path, required=True, metavar='FILE')
     export.add_argument('--force', action='store_true', help='replace the file')
     rescue.add_argument('-o', '--output', type=Path, required=True, metavar='DIR')
@@ -71,8 +70,7 @@ def _guarded(
 
 
 def _info(options: argparse.Namespace) -> tuple[str, ...]:
-    run = open_recording(
-        options.bag, namespace=options.namespace, allow_loss=options.allow_loss)
+    run = open_recording(options.bag, **bag_options(options))
     print(f'bag            {run.path}')
     print(f'namespace      {run.namespace}')
     print(f'sample period  {run.sample_period_s:g} s')
@@ -102,8 +100,7 @@ def _export_unless_there(options: argparse.Namespace) -> int:
 
 
 def _export(options: argparse.Namespace) -> tuple[str, ...]:
-    run = open_recording(
-        options.bag, namespace=options.namespace, allow_loss=options.allow_loss)
+    run = open_recording(options.bag, **bag_options(options))
     names = ['time_s', *(f'{stream}_{STREAMS[stream]}' for stream in run.streams)]
     # Half a table would pass for a whole one.
     unfinished = options.output.with_name(f'{options.output.name}.part')

@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Any, Final
 import yaml
 
 from piezo_ros.bag import BagError, Run, open_recording
-from piezo_ros.cli.loss import add_loss_option
+from piezo_ros.cli.bag_options import add_bag_options, bag_options
 from piezo_ros.control import TrajectoryParameters
 from piezo_ros.experiment.model_file import BOUND_KIND, FORMAT_VERSION, RATIONAL_KIND
 from piezo_ros.model import (
@@ -101,8 +101,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         kind.add_argument(
             '-o', '--output', type=Path, required=True, metavar='FILE', help='model file to write')
         kind.add_argument('--force', action='store_true', help='replace the file')
-        kind.add_argument('--namespace', metavar='NS', help='the rig, where a bag holds several')
-        add_loss_option(kind)
+        add_bag_options(kind)
         kind.add_argument(
             '--from-s', type=float, default=0.0, metavar='T',
             help='leave out what was before this simulated time')
@@ -163,8 +162,7 @@ def _read(path: Path, options: argparse.Namespace) -> Run:
     """Read what is wanted of a bag, of which the rest may be longer than the memory."""
     hysteresis = options.kind == 'hysteresis'
     recording = open_recording(
-        path, namespace=options.namespace, allow_loss=options.allow_loss,
-        keep_not_finite=hysteresis)  # its fit leaves them out
+        path, **bag_options(options), keep_not_finite=hysteresis)  # its fit leaves them out
     start, stop = (
         math.ceil(time_s / recording.sample_period_s) - recording.start_index
         if math.isfinite(time_s) else recording.samples

@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from piezo_ros.bag import BagError, read
-from piezo_ros.cli.loss import add_loss_option
+from piezo_ros.cli.bag_options import add_bag_options, bag_options
 from piezo_ros.control import SCHEMES, ControllerParameters
 from piezo_ros.model import (
     HysteresisParameters,
@@ -52,15 +52,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         parser.add_argument(
             f'--{node}', type=Path, metavar='FILE', help=f'another {node} (parameter file)')
     parser.add_argument('--scheme', choices=SCHEMES, help='another scheme')
-    parser.add_argument('--namespace', metavar='NS', help='the rig, where the bag holds several')
-    add_loss_option(parser)
+    add_bag_options(parser)
     parser.set_defaults(function=_replay)
 
 
 def _replay(options: argparse.Namespace) -> int:
     from piezo_ros.experiment.replay import replay
     try:
-        run = read(options.bag, namespace=options.namespace, allow_loss=options.allow_loss)
+        run = read(options.bag, **bag_options(options))
         result = replay(
             run, scheme=options.scheme,
             controller=_replaced(options.controller, 'controller', ControllerParameters),

@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Final
 
 from piezo_ros.bag import BagError, Recording, open_recording
-from piezo_ros.cli.loss import add_loss_option
+from piezo_ros.cli.bag_options import add_bag_options, bag_options
 from piezo_ros.experiment.output_directory import prepare_directory
 from piezo_ros.parameters.errors import PlanError, failure_text
 from piezo_ros.parameters.provenance import software_versions
@@ -54,8 +54,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--periods', type=float, default=4.0, metavar='N',
         help='periods at the end that are scored (default: 4)')
-    parser.add_argument('--namespace', metavar='NS', help='the rig, where a bag holds several')
-    add_loss_option(parser)
+    add_bag_options(parser)
     for name in _DESCRIPTION:
         parser.add_argument(
             f'--{name.replace("_", "-")}', metavar='VALUE',
@@ -70,10 +69,7 @@ def _report(options: argparse.Namespace) -> int:
         if (value := getattr(options, name)) is not None}
     try:
         paths = [path for given in options.bags for path in _bags_below(given)]
-        runs = [
-            open_recording(
-                path, namespace=options.namespace, allow_loss=options.allow_loss)
-            for path in paths]
+        runs = [open_recording(path, **bag_options(options)) for path in paths]
         scored = []
         for run, path in zip(runs, paths, strict=True):
             if run.metadata.get('output') == 'voltage':

@@ -12,15 +12,25 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the commands that read bags do with a damaged one, in one place."""
+"""The options of the commands that read a run from a bag, in one place."""
 
 import argparse
+from typing import Any
 
-__all__ = ['add_loss_option']
+__all__ = ['add_bag_options', 'bag_options']
 
 
-def add_loss_option(parser: argparse.ArgumentParser) -> None:
-    """Let a command take what is whole of a damaged bag, unless it is told to refuse."""
+def add_bag_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options that say which run to read, and what to do with a damaged bag."""
+    parser.add_argument('--namespace', metavar='NS', help='the rig, where a bag holds several')
+    parser.add_argument(
+        '--run', type=int, metavar='N',
+        help='the run, counted from 1, where a bag holds several one after the other')
     parser.add_argument(
         '--allow-loss', action=argparse.BooleanOptionalAction, default=True,
         help='take what is whole of a damaged bag, say what is lost, exit 3 (default); or refuse')
+
+
+def bag_options(options: argparse.Namespace) -> dict[str, Any]:
+    """Return them as `piezo_ros.bag.read` and `piezo_ros.bag.open_recording` take them."""
+    return {name: getattr(options, name) for name in ('namespace', 'run', 'allow_loss')}
