@@ -31,9 +31,9 @@ from piezo_ros.bag.description import (
     recorded_parameters,
 )
 from piezo_ros.bag.errors import BagError
-from piezo_ros.bag.run_choice import RunChoice
-from piezo_ros.bag.sinks import Sink
-from piezo_ros.bag.stream_assembly import StreamAssembler, same_period
+from piezo_ros.bag.samples.run_choice import RunChoice
+from piezo_ros.bag.samples.sinks import Sink
+from piezo_ros.bag.samples.stream_assembly import StreamAssembler, same_period
 from piezo_ros.bag.topic_messages import MessageCounts, messages_by_topic
 from piezo_ros.bag.topics import Place, Rigs, named_topics, unlike_stream, unlike_words
 from piezo_ros.streams import STREAMS, labelled_stream

@@ -18,7 +18,7 @@ from pathlib import Path
 
 from piezo_ros.bag.contents import Contents
 from piezo_ros.bag.run import Run, Samples, run_of
-from piezo_ros.bag.sinks import Collected
+from piezo_ros.bag.samples.sinks import Collected
 
 __all__ = ['read']
 

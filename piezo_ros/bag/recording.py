@@ -23,9 +23,9 @@ from piezo_ros.bag.container.mcap_file import McapFile
 from piezo_ros.bag.contents import Contents, Facts, Span
 from piezo_ros.bag.errors import BagError
 from piezo_ros.bag.run import Run, Samples, check_part, missing_stream, run_of
-from piezo_ros.bag.run_choice import RunChoice
-from piezo_ros.bag.sinks import Collected, Extremes
-from piezo_ros.bag.stream_assembly import StreamAssembler
+from piezo_ros.bag.samples.run_choice import RunChoice
+from piezo_ros.bag.samples.sinks import Collected, Extremes
+from piezo_ros.bag.samples.stream_assembly import StreamAssembler
 from piezo_ros.bag.topic_messages import messages_by_topic
 from piezo_ros.streams import STREAMS
 

@@ -40,7 +40,7 @@ from piezo_ros.bag.description import (
     with_digest,
 )
 from piezo_ros.bag.errors import BagError, BagExistsError, BagWriteError
-from piezo_ros.bag.sinks import Sink
+from piezo_ros.bag.samples.sinks import Sink
 from piezo_ros.bag.topic_messages import MessageCounts
 from piezo_ros.bag.topics import remapped_part
 from piezo_ros.parameters.bounded_yaml import YamlError, yaml_content

@@ -87,12 +87,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if error.filename is None and error.errno in _NO_ROOM:
             error.filename = 'standard output'  # every other file is named where it is written
         print(f'piezo: {failure_text(error)}', file=sys.stderr)
-        _discard_output()  # what could not be written is tried again at the exit
+        _discard_output()
     return EXIT_FAILED
 
 
 def _discard_output() -> None:
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    """Drop what cannot be written to the output, which would be tried again at the exit."""
+    try:
+        sys.stdout.flush()
+    except OSError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _write_any_text() -> None:

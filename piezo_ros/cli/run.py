@@ -105,6 +105,8 @@ def with_plan(
     """Read the plan, check, prepare its output directory, do the campaign; return the exit code."""
     try:
         plan = read_plan(options.plan)
+        for note in plan.notes:
+            print(f'piezo: {note}', file=sys.stderr)
         if options.plan.resolve().is_relative_to(options.output.resolve()):
             raise PlanError(
                 f'{options.plan} lies in the output directory {options.output}, which would '

@@ -32,22 +32,17 @@ from piezo_ros.parameters.bounded_yaml import YamlError, yaml_content
 from piezo_ros.parameters.node_parameters import (
     NODE_PARAMETERS,
     ONLOOKER_PARAMETERS,
+    PARAMETERS_OF_RCLPY,
+    is_of_rclpy,
     parameter_names,
 )
 from piezo_ros.parameters.parameter_file import parameter_sections, read_yaml
 from piezo_ros.parameters.role_parameters import name_matches
 
-__all__ = ['GivenParameter', 'TakingNode', 'check_given', 'given_parameters', 'is_of_rclpy']
+__all__ = ['GivenParameter', 'TakingNode', 'check_given', 'given_parameters']
 
 _EVERY_NODE: Final = '/**'
-_OF_RCLPY: Final = ('use_sim_time', 'start_type_description_service')
-_OF_ENDPOINTS: Final = 'qos_overrides.'  # declared as the endpoints are created
 _ROLES: Final = (*NODE_PARAMETERS, *ONLOOKER_PARAMETERS)
-
-
-def is_of_rclpy(name: str) -> bool:
-    """Return whether rclpy itself declares a parameter of that name."""
-    return name in _OF_RCLPY or name.startswith(_OF_ENDPOINTS)
 
 
 class GivenParameter(NamedTuple):
@@ -242,8 +237,8 @@ def _told_in_vain(given: GivenParameter, meant: Sequence[TakingNode]) -> str:
 
 
 def _nearest(name: str, meant: Sequence[TakingNode]) -> str:
-    known = {
-        known: node for node in meant for known in (*parameter_names(node.role), *_OF_RCLPY)}
+    known = [
+        *PARAMETERS_OF_RCLPY, *(own for node in meant for own in parameter_names(node.role))]
     nearest = get_close_matches(name, known, n=1)
     if nearest:
         return f'; the nearest is {nearest[0]!r}'

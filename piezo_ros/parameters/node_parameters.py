@@ -33,6 +33,7 @@ __all__ = [
     'LOOP_NODES',
     'NODE_PARAMETERS',
     'ONLOOKER_PARAMETERS',
+    'PARAMETERS_OF_RCLPY',
     'BareParameters',
     'BlockParameters',
     'DemandParameters',
@@ -43,6 +44,7 @@ __all__ = [
     'SafetyParameters',
     'StampedParameters',
     'check_node_parameters',
+    'is_of_rclpy',
     'parameter_names',
     'parameter_sets',
 ]
@@ -238,6 +240,16 @@ class StampedParameters(ParameterSet):
 ONLOOKER_PARAMETERS: Final[Mapping[str, tuple[type[ParameterSet], ...]]] = {
     'stamped': (StampedParameters,),
 }
+
+
+# What rclpy declares for every node, beside the qos_overrides of its endpoints.
+PARAMETERS_OF_RCLPY: Final = ('use_sim_time', 'start_type_description_service')
+_OF_ENDPOINTS: Final = 'qos_overrides'
+
+
+def is_of_rclpy(name: str) -> bool:
+    """Return whether rclpy itself declares a parameter of that name."""
+    return name in PARAMETERS_OF_RCLPY or name.partition('.')[0] == _OF_ENDPOINTS
 
 
 def parameter_names(node: str) -> tuple[str, ...]:

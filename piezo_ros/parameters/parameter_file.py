@@ -26,12 +26,14 @@ from piezo_ros.parameters.errors import PlanError
 from piezo_ros.parameters.node_parameters import (
     NODE_PARAMETERS,
     check_node_parameters,
+    is_of_rclpy,
     parameter_names,
 )
 from piezo_ros.parameters.roles import role_of
 
 __all__ = [
     'parameter_sections',
+    'parameters_of_rclpy',
     'parameters_yaml',
     'read_parameter_file',
     'read_parameter_set',
@@ -107,7 +109,8 @@ def read_parameter_file(path: Path, nodes: Iterable[str]) -> dict[str, dict[str,
     dict of str to dict
         Node name to its parameters, for the nodes that the file names. Of a section for
         every node (``/**``) each takes what it has, as in ROS. What all parameters of a node of
-        another name are, as `ros2 param dump` writes them, goes to the node that has these.
+        another name are, as `ros2 param dump` writes them, goes to the node that has these. What
+        rclpy declares itself is left out, see `parameters_of_rclpy`.
 
     Raises
     ------
@@ -115,6 +118,37 @@ def read_parameter_file(path: Path, nodes: Iterable[str]) -> dict[str, dict[str,
         If the file is of another form.
 
     """
+    return {
+        node: {name: value for name, value in values.items() if not is_of_rclpy(name)}
+        for node, values in _sections_of(path, nodes).items()}
+
+
+def parameters_of_rclpy(path: Path, nodes: Iterable[str]) -> dict[str, list[str]]:
+    """
+    Return which parameters of rclpy itself a ROS parameter file gives to some nodes.
+
+    These are ``use_sim_time``, ``qos_overrides`` and the like, as `ros2 param dump` writes them.
+    Only a node that is started with the file takes them.
+
+    Parameters
+    ----------
+    path, nodes
+        As for `read_parameter_file`, which has accepted the file.
+
+    Returns
+    -------
+    dict of str to list of str
+        Node name to the names of the parameters, for nodes with any.
+
+    """
+    names = {
+        node: [name for name in values if is_of_rclpy(name)]
+        for node, values in _sections_of(path, nodes).items()}
+    return {node: own for node, own in names.items() if own}
+
+
+def _sections_of(path: Path, nodes: Iterable[str]) -> dict[str, dict[str, Any]]:
+    """Return everything that a file gives to some nodes; raises as `read_parameter_file`."""
     content = read_yaml(path)
     if not isinstance(content, Mapping):
         raise PlanError(f'{path} is no ROS parameter file: the top level must be a mapping')
@@ -133,7 +167,7 @@ def read_parameter_file(path: Path, nodes: Iterable[str]) -> dict[str, dict[str,
                 elif last in ('*', '**'):
                     parameters.setdefault(node, {}).update(
                         (name, value) for name, value in values.items()
-                        if name in parameter_names(node))
+                        if name in parameter_names(node) or is_of_rclpy(name))
     return parameters
 
 

@@ -216,3 +216,10 @@ def test_a_clock_is_remapped_for_one_rig_and_stays_relative_where_it_is_told_to(
     assert remapped('loop.launch.py', publish_clock='true', clock_topic='clock') == {
         'loop': (('clock', 'clock'),)}
     assert not remapped('rig.launch.py')
+
+
+def test_a_file_with_what_rclpy_declares_itself_is_handed_over(tmp_path):
+    file = tmp_path / 'rig.yaml'
+    file.write_text('/**/plant: {ros__parameters: {seed: 7, use_sim_time: true}}')
+    plant = processes('rig.launch.py', rig_file=str(file))['plant']
+    assert plant[plant.index('--params-file') + 1] == str(file)

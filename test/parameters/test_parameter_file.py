@@ -17,7 +17,12 @@ import pytest
 from piezo_ros.model import ParameterError
 from piezo_ros.parameters.errors import PlanError
 from piezo_ros.parameters.node_parameters import NODE_PARAMETERS, check_node_parameters
-from piezo_ros.parameters.parameter_file import parameters_yaml, read_parameter_file, read_yaml
+from piezo_ros.parameters.parameter_file import (
+    parameters_of_rclpy,
+    parameters_yaml,
+    read_parameter_file,
+    read_yaml,
+)
 from piezo_ros.parameters.provenance import run_metadata
 
 NODES = ('plant', 'controller')
@@ -96,6 +101,30 @@ def test_the_parameters_of_every_node_survive_a_file(node, tmp_path):
     path.write_text(parameters_yaml('/rig', {node: complete}))
     values = read_parameter_file(path, [node])[node]
     assert check_node_parameters(node, values) == complete
+
+
+OF_RCLPY = """
+    use_sim_time: true
+    start_type_description_service: true
+    qos_overrides./lab/voltage.subscription.depth: 5
+    qos_overrides: {/lab/displacement: {publisher: {depth: 5}}}
+"""
+
+
+@pytest.mark.parametrize('pattern', ['/**/plant', '/**', '/lab/plant'])
+def test_what_rclpy_declares_itself_is_left_out_and_named(tmp_path, pattern):
+    path = tmp_path / 'dumped.yaml'
+    path.write_text(f'{pattern}:\n  ros__parameters:\n    seed: 7{OF_RCLPY}')
+    assert read_parameter_file(path, ['plant']) == {'plant': {'seed': 7}}
+    assert parameters_of_rclpy(path, ['plant']) == {'plant': [
+        'use_sim_time', 'start_type_description_service',
+        'qos_overrides./lab/voltage.subscription.depth', 'qos_overrides']}
+
+
+def test_nothing_is_named_where_nothing_is_left_out(tmp_path):
+    path = tmp_path / 'plain.yaml'
+    path.write_text('/**/plant: {ros__parameters: {seed: 7}}')
+    assert parameters_of_rclpy(path, ['plant']) == {}
 
 
 def test_an_unknown_parameter_is_refused_with_the_node_that_does_not_have_it():

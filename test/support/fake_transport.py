@@ -204,6 +204,12 @@ class FakeOwner:
             for ends in self.transport.publishers.values() for each in ends}
         return [*own, *self.transport.foreign_nodes]
 
+    def get_topic_names_and_types(self):
+        """Return the topics with writers, all of one type."""
+        return [
+            (topic, ['std_msgs/msg/Float64MultiArray'])
+            for topic, writers in self.transport.publishers.items() if writers]
+
     def count_services(self, name):
         return self.transport.servers
 

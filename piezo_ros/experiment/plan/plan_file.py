@@ -26,7 +26,11 @@ from piezo_ros.experiment.plan.automatic import KNOWN_NODES, Known
 from piezo_ros.experiment.plan.run_entry import RUN_KEYS, SHORT_KEYS, checked_parameters, plan_run
 from piezo_ros.parameters.errors import PlanError
 from piezo_ros.parameters.node_parameters import LOOP_NODES
-from piezo_ros.parameters.parameter_file import read_parameter_file, read_yaml
+from piezo_ros.parameters.parameter_file import (
+    parameters_of_rclpy,
+    read_parameter_file,
+    read_yaml,
+)
 from piezo_ros.parameters.run import PlannedRun
 
 __all__ = ['STUDIES', 'Plan', 'read_plan']
@@ -67,6 +71,8 @@ class Plan:
         What it tells of the rig beside.
     sweep : mapping or None
         What it says of a sweep, see `piezo_ros.experiment.sweep.sweep_plan`; None for none.
+    notes : tuple of str
+        What of its parameter files is ignored.
 
     """
 
@@ -79,6 +85,7 @@ class Plan:
     entries: tuple[Mapping[str, Any], ...] = ()
     known: Known = field(default_factory=Known)
     sweep: Any = None
+    notes: tuple[str, ...] = ()
 
 
 def read_plan(path: Path) -> Plan:
@@ -122,7 +129,8 @@ def read_plan(path: Path) -> Plan:
         for key in _KEYS_OF_RUNS:
             if key in content:
                 raise PlanError(f'{path}: a study makes its own runs, there must be no key {key}')
-        return Plan(path, title, 4.0, (), base, str(content['study']))
+        return Plan(
+            path, title, 4.0, (), base, str(content['study']), notes=_notes(path, content))
     entries = _list(path, 'runs', content.get('runs'))
     score_periods = content.get('score_periods', 4)
     if isinstance(score_periods, bool) or not isinstance(score_periods, int | float):
@@ -151,7 +159,7 @@ def read_plan(path: Path) -> Plan:
                 f'(periods of {run.name})')
     return Plan(
         path, title, float(score_periods), tuple(runs), base, entries=tuple(combinations),
-        known=known, sweep=content.get('sweep'))
+        known=known, sweep=content.get('sweep'), notes=_notes(path, content))
 
 
 def _read_sections(
@@ -165,6 +173,15 @@ def _read_sections(
             checked_parameters(str(file), node, values)
             sections[node].update(values)
     return sections
+
+
+def _notes(path: Path, content: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return what the parameter files give to the nodes and a plan does not pass on."""
+    names = _list(path, 'parameter_files', content.get('parameter_files', []))
+    files = [path.parent / str(name) for name in names]
+    return tuple(
+        f'{file}: {", ".join(own)} of {node} is ignored: a plan has its own time and QoS'
+        for file in files for node, own in parameters_of_rclpy(file, LOOP_NODES).items())
 
 
 def _read_known(path: Path, content: Mapping[str, Any]) -> Known:

@@ -26,6 +26,7 @@ from rclpy.publisher import Publisher
 
 from piezo_ros.runtime.node.hooks import NodeHooks
 from piezo_ros.runtime.node.name_twins import warn_of_twins
+from piezo_ros.runtime.node.remapped_streams import streams_elsewhere
 from piezo_ros.runtime.process.running_time import RunningTime, busy_words
 from piezo_ros.runtime.streams.writer_names import wrong_writers
 
@@ -72,12 +73,13 @@ def _wait_while(node: NodeHooks, waited: RunningTime, look: Callable[[], str]) -
             return 'stopped while waiting for the peers'
         waited_s = waited.elapsed_s()
         if waited_s > node.settings.handshake_timeout_s:
+            timeout_s = node.settings.handshake_timeout_s
             return (
-                f'{problem} after {node.settings.handshake_timeout_s:g} s '
-                f'(handshake_timeout_s){busy_words()}')
+                f'{problem} after {timeout_s:g} s (handshake_timeout_s)'
+                f'{streams_elsewhere(node)}{busy_words()}')
         if waited_s > tell_at_s:
             tell_at_s += _TELL_WAITING_S
-            node.get_logger().info(f'waiting: {problem}{busy_words()}')
+            node.get_logger().info(f'waiting: {problem}{streams_elsewhere(node)}{busy_words()}')
         time.sleep(_LOOK_S)
     return ''
 

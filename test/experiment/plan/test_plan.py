@@ -49,6 +49,23 @@ def test_every_parameter_of_every_node_is_filled_in(write_plan):
         assert set(run.parameters[node]) == names
 
 
+def test_a_parameter_file_of_a_running_node_is_taken_but_for_what_is_of_rclpy(write_plan):
+    path = write_plan('format_version: 1\nparameter_files: [rig.yaml]\nruns: [{scheme: fb}]\n')
+    (path.parent / 'rig.yaml').write_text(
+        '/**/plant:\n  ros__parameters:\n    seed: 7\n    use_sim_time: true\n'
+        '    qos_overrides: {/lab/voltage: {subscription: {depth: 5}}}\n')
+    plan = read_plan(path)
+    assert plan.runs[0].parameters['plant']['seed'] == 7
+    assert 'use_sim_time' not in plan.runs[0].parameters['plant']
+    (note,) = plan.notes
+    assert 'rig.yaml: use_sim_time, qos_overrides of plant is ignored' in note
+
+
+def test_what_is_of_rclpy_is_refused_in_the_plan_itself(write_plan):
+    assert 'use_sim_time' in refusal_of(write_plan(
+        'format_version: 1\nruns: [{scheme: fb, plant: {use_sim_time: true}}]\n'))
+
+
 def test_lists_stand_for_one_run_each_and_the_last_key_runs_fastest(write_plan):
     plan = read_plan(write_plan(
         'format_version: 1\n'

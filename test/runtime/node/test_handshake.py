@@ -16,9 +16,11 @@
 
 import pytest
 from fake_node import fake_hooks
+from std_msgs.msg import Float64MultiArray
 
 from piezo_ros.runtime.node.handshake import await_peers
 from piezo_ros.runtime.node.hooks import NodeHooks
+from piezo_ros.runtime.streams.qos import STREAM
 
 TIMEOUT_S = 10.0
 
@@ -83,6 +85,19 @@ def test_a_writer_that_never_comes_is_named_after_the_timeout(transport, make, c
     assert await_peers(node) == (
         '/rig/command has 0 writers, exactly one is needed after 10 s (handshake_timeout_s)')
     assert 110.0 <= clock.now_s < 110.1
+
+
+def test_a_stream_that_only_its_writer_has_remapped_is_told_with_the_remedy(
+    transport, make, clock,
+):
+    node = make()
+    transport.owner('pi').create_own_publisher(Float64MultiArray, 'lab/wish', STREAM)
+    transport.writer('reference')  # a stream under its own name is none that is missed
+    transport.reader('voltage')
+    assert await_peers(node) == (
+        '/rig/command has 0 writers, exactly one is needed after 10 s; a stream may be on '
+        '/rig/lab/wish (/rig/pi): what is remapped in one node must be remapped in all, as by '
+        '-r command:=/rig/lab/wish')
 
 
 def test_a_reader_that_never_comes_is_named_after_the_timeout(transport, make, clock):

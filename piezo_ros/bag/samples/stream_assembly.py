@@ -19,10 +19,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from piezo_ros.bag.block_arrays import Blocks, decoded
 from piezo_ros.bag.container.chunk_scan import HEAD_BYTES, MESSAGE_HEAD_BYTES, unaligned
 from piezo_ros.bag.container.mcap_file import Piece
-from piezo_ros.bag.sinks import Sink
+from piezo_ros.bag.samples.block_arrays import Blocks, decoded
+from piezo_ros.bag.samples.sinks import Sink
 from piezo_ros.streams import BlockCodec
 from piezo_ros.streams.block import HEADER_NUMBERS, MAXIMUM_INDEX
 

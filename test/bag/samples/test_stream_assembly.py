@@ -24,8 +24,8 @@ from hypothesis import strategies as st
 from piezo_ros.bag import BlockCodec
 from piezo_ros.bag.container.chunk_scan import scan
 from piezo_ros.bag.container.mcap_file import Piece
-from piezo_ros.bag.sinks import Collected
-from piezo_ros.bag.stream_assembly import StreamAssembler
+from piezo_ros.bag.samples.sinks import Collected
+from piezo_ros.bag.samples.stream_assembly import StreamAssembler
 
 PERIOD_S = 1e-5
 

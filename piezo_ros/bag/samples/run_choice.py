@@ -25,9 +25,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from piezo_ros.bag.block_arrays import decoded
 from piezo_ros.bag.container.mcap_file import Piece
 from piezo_ros.bag.errors import BagError
+from piezo_ros.bag.samples.block_arrays import decoded
 from piezo_ros.streams import BlockCodec
 
 __all__ = ['RunChoice']
