@@ -26,8 +26,9 @@ from piezo_ros.bag import read
 
 PERIOD_S = 1e-5
 SAMPLES = 20
-# A large message takes a busy machine long.
-NAMES = tuple(name for name in MALFORMED if 'large' not in name)
+# A large message takes a busy machine long. Behind a message of no bytes Fast DDS delivers nothing
+# more of its writer to another process.
+NAMES = tuple(name for name in MALFORMED if name not in ('large random message', 'no bytes'))
 MESSAGES = number_of_trials(4) * len(NAMES)  # to each input
 LATCHED = QoSProfile(
     depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -87,10 +88,10 @@ def test_malformed_bytes_are_counted_and_the_run_goes_on(
         node == 'plant'))
     for stream, writer in writers.items():
         writer.publish(block(stream, SAMPLES + 2, []))
+    status = peer.wait_for_status(node, state='finished')
+    assert status.get('voltage_v', 0.0) == 0.0
     assert process.wait() == 0, process.output
     assert 'Traceback' not in process.output
-    if node == 'plant':
-        assert peer.status('plant')['voltage_v'] == 0.0
     if output:
         assert len(peer.samples(output)) == SAMPLES + 2 + (node == 'plant')
     else:
