@@ -34,7 +34,7 @@ settings.load_profile('patient')
 WITHOUT_ROS = importlib.util.find_spec('rclpy') is None
 collect_ignore = [
     'contract', 'faults/test_final_ramp.py', 'faults/test_live_faults.py',
-    'faults/test_message_mutations.py', 'live', 'nodes', 'runtime',
+    'faults/test_live_messages.py', 'faults/test_message_mutations.py', 'live', 'nodes', 'runtime',
     'cli/test_run_live.py'] if WITHOUT_ROS else []
 
 # In test/support: fixtures of tests that start processes, and of tests on a fake clock.

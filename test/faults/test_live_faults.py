@@ -56,11 +56,11 @@ def test_faults_leave_right_samples_and_right_exit_codes(make_rig, make_peer, wr
         title = f'{cell.fault}: {cell.place}'
         try:
             counts[title, FaultTrial(cell, rig, make_peer, write_plan, number).run()] += 1
+            shutil.rmtree(rig.directory)
         except (AssertionError, pytest.fail.Exception) as error:
-            failures.append(f'trial {number}, {cell.title}: {str(error)[:2000]}')
+            failures.append(f'trial {number}, {cell.title}: {str(error)[:1000]}')
             counts[title, 'failed'] += 1
         finally:
             rig.destroy()
-        shutil.rmtree(rig.directory, ignore_errors=True)
     add_results('live_faults', counts, failures, numbers)
     assert not failures, '\n'.join(failures)
