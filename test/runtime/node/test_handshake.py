@@ -95,8 +95,8 @@ def test_a_stream_that_only_its_writer_has_remapped_is_told_with_the_remedy(
     transport.writer('reference')  # a stream under its own name is none that is missed
     transport.reader('voltage')
     assert await_peers(node) == (
-        '/rig/command has 0 writers, exactly one is needed after 10 s; a stream may be on '
-        '/rig/lab/wish (/rig/pi): what is remapped in one node must be remapped in all, as by '
+        '/rig/command has 0 writers, exactly one is needed after 10 s (handshake_timeout_s); a '
+        'stream may be on /rig/lab/wish (/rig/pi): what is remapped in one node must be remapped in all, as by '
         '-r command:=/rig/lab/wish')
 
 
