@@ -99,6 +99,14 @@ def test_a8_a_pipe_is_not_waited_for(tmp_path, write_run):
     assert read(tmp_path / 'bag').samples == 20
 
 
+def test_a8_a_file_name_in_metadata_yaml_that_no_file_can_have_is_a_missing_file(
+        tmp_path, write_run):
+    write_run(tmp_path / 'bag')
+    _changed_metadata(tmp_path / 'bag', relative_file_paths=[f'{"a" * 300}.mcap'])
+    with pytest.raises(BagError, match='lacks the file aaa'):
+        read(tmp_path / 'bag')
+
+
 def test_b6_the_empty_storage_that_a_reindex_leaves_is_read(tmp_path, write_run):
     write_run(tmp_path / 'bag')
     _changed_metadata(tmp_path / 'bag', storage_identifier='')

@@ -89,7 +89,7 @@ def test_malformed_bytes_are_counted_and_the_run_goes_on(
     for stream, writer in writers.items():
         writer.publish(block(stream, SAMPLES + 2, []))
     status = peer.wait_for_status(node, state='finished')
-    assert status.get('voltage_v', 0.0) == 0.0
+    assert not status['voltage_v']  # none but the plant has one
     assert process.wait() == 0, process.output
     assert 'Traceback' not in process.output
     if output:

@@ -45,6 +45,11 @@ FILE_BYTES = 100_000
 TEXTS = ('not json', '[1]', '{"a": 1}', '{"node": "plant", "index": "seven"}', '[' * 3000)
 MESSAGES = 50
 COMPARED_PERIODS = 50
+# The first are too large for a busy machine and not delivered by Fast DDS; the others may be the
+# first block of a run.
+NOT_LIVE = (
+    'large random message', 'no bytes', 'consumed already', 'end of another run',
+    'flipped bytes ahead of the numbers')
 # Python's own words where a signal comes while the interpreter starts.
 BEFORE_ANY_CODE = 'Fatal Python error: init_'
 _simulations = {}  # by number of periods
@@ -71,6 +76,7 @@ class FaultTrial:
         self.cell, self.rig = cell, rig
         self._make_peer, self._write_plan = make_peer, write_plan
         self._generator = random.Random(number)
+        self._is_interrupted = False
 
     def run(self):
         """Return the outcome: how the command ended."""
@@ -167,7 +173,7 @@ class FaultTrial:
                 generator.randbytes(generator.choice([1, 3, 4, 8, 11, 40]))
                 for _ in range(MESSAGES)]
         names = [
-            name for name in MALFORMED if name not in ('large random message', 'no bytes')]
+            name for name in MALFORMED if name not in NOT_LIVE]
         if self.cell.fault == 'not finite':
             names = ['sample that is not finite']
         return [
@@ -180,6 +186,7 @@ class FaultTrial:
             time.sleep(0.05)
         if self.command.exit_code is None:
             self.command.send(signal.SIGINT)
+            self._is_interrupted = True
 
     def _check(self, code):
         """Assert what must hold, whatever was done."""
@@ -191,6 +198,7 @@ class FaultTrial:
         else:
             # Python itself ends by a signal that comes before the first line of the command.
             early = [-SIGNALS[self.cell.fault]] if self._is_killed('SIG') else []
+            early += [-signal.SIGINT] if self._is_interrupted else []  # nor after its last one
             assert code in (0, 1, *early), f'{code}: {output}'
             assert not self.rig.nodes(), f'processes are left: {output}'
         for log in (self.rig.directory / 'out' / 'logs').rglob('*.log'):
@@ -213,7 +221,8 @@ class FaultTrial:
         try:
             run = read(bag, allow_loss=True)
         except BagError as error:
-            if code == 0 or ('no sample' not in str(error) and 'no *.mcap' not in str(error)):
+            nothing = ('has no sample', 'no *.mcap', 'has no stream')
+            if code == 0 or not any(words in str(error) for words in nothing):
                 raise AssertionError(f'{error}: {output}') from error
             return 0
         expected = self._simulated()
