@@ -96,8 +96,8 @@ def test_a_stream_that_only_its_writer_has_remapped_is_told_with_the_remedy(
     transport.reader('voltage')
     assert await_peers(node) == (
         '/rig/command has 0 writers, exactly one is needed after 10 s (handshake_timeout_s); a '
-        'stream may be on /rig/lab/wish (/rig/pi): what is remapped in one node must be remapped in all, as by '
-        '-r command:=/rig/lab/wish')
+        'stream may be on /rig/lab/wish (/rig/pi): what is remapped in one node must be remapped '
+        'in all, as by -r command:=/rig/lab/wish')
 
 
 def test_a_reader_that_never_comes_is_named_after_the_timeout(transport, make, clock):
