@@ -319,7 +319,7 @@ class _Trial:
         assert result.lost or not owed, f'salvage does not tell what read() tells: {owed}'
         # Such times do not fit into a bag of rosbag2.
         is_mistimed = any('with a log time beyond' in loss for loss in result.lost)
-        saved = self._saved(output, result, is_refused=loose is None)
+        saved = self._saved(output, result, is_refused=loose is None or is_mistimed)
         if saved is None:
             return
         self._assert_right(saved)

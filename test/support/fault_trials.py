@@ -49,7 +49,7 @@ COMPARED_PERIODS = 50
 # first block of a run.
 NOT_LIVE = (
     'large random message', 'no bytes', 'consumed already', 'end of another run',
-    'flipped bytes ahead of the numbers')
+    'flipped bytes ahead of the numbers', 'other encapsulation')
 # Python's own words where a signal comes while the interpreter starts.
 BEFORE_ANY_CODE = 'Fatal Python error: init_'
 _simulations = {}  # by number of periods

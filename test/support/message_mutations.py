@@ -66,7 +66,7 @@ def _not_finite_sample(generator, old):
 
 def _label(generator, old):
     length = old.layout - 12
-    return old.with_bytes(12, generator.randbytes(generator.randint(1, length - 4)))
+    return old.with_bytes(12, b'\xff' + generator.randbytes(generator.randint(0, length - 5)))
 
 
 def _other_stream(generator, old):
