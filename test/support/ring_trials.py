@@ -54,6 +54,7 @@ class _NoPeerParameters:
 
     parameters = MappingProxyType({})
     silent = owing = ()
+    twins = MappingProxyType({})
 
     def __init__(self, *_arguments):
         pass
