@@ -46,6 +46,7 @@ def test_the_start_beside_peers_is_measured():
     assert start_beside_peers_s(planned(0.1)) > 0
 
 
+@pytest.mark.slow
 def test_the_answers_of_a_running_node_are_timed():
     median, percentile_95 = service_latency_ms(planned(1e6), composed=True)
     assert 0 < median <= percentile_95

@@ -113,6 +113,7 @@ def test_what_is_no_earlier_output_is_never_replaced(tmp_path, plan):
     assert (directory / 'thesis.tex').read_text() == 'years of work'
 
 
+@pytest.mark.slow  # The same of the directory alone: test_output_directory.py.
 def test_an_earlier_output_is_replaced_only_when_asked(tmp_path, plan):
     directory = tmp_path / 'out'
     assert _piezo('simulate', plan, '-o', directory).returncode == 0

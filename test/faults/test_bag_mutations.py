@@ -20,7 +20,7 @@ import pytest
 from bag_trials import BagTrials, make_bags
 from fault_results import add_results, first_trial, number_of_trials
 
-QUICK_TRIALS = 80
+QUICK_TRIALS = 40
 SLOW_TRIALS = 3000
 MEMORY_KB = 400_000  # what all trials together may need more than before
 

@@ -77,7 +77,7 @@ def test_runs_of_every_kind_follow_each_other_with_the_bits_of_the_offline_simul
 
 
 @pytest.mark.parametrize(('victim', 'number', 'words'), [
-    ('loop', signal.SIGKILL, 'loop was killed by SIGKILL'),
+    pytest.param('loop', signal.SIGKILL, 'loop was killed by SIGKILL', marks=pytest.mark.slow),
     pytest.param(
         'recorder', signal.SIGKILL, 'recorder was killed by SIGKILL', marks=pytest.mark.slow),
     pytest.param('', signal.SIGINT, 'stopped by SIGINT', marks=pytest.mark.slow),

@@ -27,8 +27,8 @@ KILL, TERM, INT, HUP = signal.SIGKILL, signal.SIGTERM, signal.SIGINT, signal.SIG
 
 
 @pytest.mark.parametrize(('number', 'processes'), [
-    (TERM, '--composed'),
     (HUP, '--composed'),
+    pytest.param(TERM, '--composed', marks=pytest.mark.slow),
     pytest.param(HUP, '--separate', marks=pytest.mark.slow),
     pytest.param(INT, '--separate', marks=pytest.mark.slow),
     pytest.param(TERM, '--separate', marks=pytest.mark.slow),

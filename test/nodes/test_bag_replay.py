@@ -115,7 +115,7 @@ def _parameter_file(bag, path):
 @pytest.mark.parametrize(('node', 'scheme'), [
     ('controller', 'fbff'), pytest.param('controller', 'ff', marks=pytest.mark.slow),
     # The others have no scheme.
-    ('compensator', 'fbff'), ('plant', 'fbff')])
+    pytest.param('compensator', 'fbff', marks=pytest.mark.slow), ('plant', 'fbff')])
 def test_a_played_bag_gives_the_recorded_stream_again_whatever_the_rate(
         recorded, recorded_peer, tmp_path, node, scheme):
     rig, bags = recorded

@@ -260,6 +260,7 @@ def test_a_recorded_run_is_the_same_beside_it(rig, peer, listen, write_plan):
     assert stamped.exit_code is None
 
 
+@pytest.mark.slow
 def test_a_foreign_node_shows_its_newest_sample_itself(rig, peer, listen, block):
     messages = listen('displacement', 'voltage')
     displacement = messages['displacement']

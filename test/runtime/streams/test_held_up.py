@@ -88,6 +88,7 @@ def _try(rig, write_plan, seed):
         _assert_nothing_is_missing(rig.bag, whole=code == 0)
 
 
+@pytest.mark.slow  # In memory: test_running_time.py; in a process: test_waiting_activation.py.
 @pytest.mark.parametrize('seed', [1])
 def test_a_node_that_is_held_up_costs_nothing(rig, write_plan, seed):
     _try(rig, write_plan, seed)
