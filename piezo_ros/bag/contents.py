@@ -173,13 +173,10 @@ class Contents(Generic[_Sink]):
         self._unlike.update(
             (channel.topic, why) for channel in file.channels.values()
             if (why := unlike_stream(file.schemas, channel)) is not None)
-        intact, damaged = intact_records(file.metadata)
+        intact, lost = intact_records(file.metadata)
         self._metadata += intact
         self._attachments += file.attachments
-        self._damage += [*file.damage, *file.vanished()]
-        if damaged:
-            self._damage.append(
-                f'{path.name}: {damaged} metadata records of piezo_ros with a wrong digest')
+        self._damage += [*file.damage, *(f'{path.name}: {loss}' for loss in lost)]
 
     def _take(self, file: McapFile, piece: Piece) -> Span:
         """Hand the samples in a piece to their sinks and return which these are."""

@@ -78,7 +78,7 @@ def _digest(entries: Mapping[str, str]) -> str:
     return f'sha256:{hashlib.sha256(text.encode()).hexdigest()}'
 
 
-def intact_records(records: Iterable[Metadata]) -> tuple[list[Metadata], int]:
+def intact_records(records: Iterable[Metadata]) -> tuple[list[Metadata], list[str]]:
     """
     Return metadata records without those of this package that have changed since.
 
@@ -91,8 +91,8 @@ def intact_records(records: Iterable[Metadata]) -> tuple[list[Metadata], int]:
     -------
     intact : list of Metadata
         The others, without their digests; a record of this package without one is intact.
-    damaged : int
-        How many have another digest than they should.
+    lost : list of str
+        A sentence that says how many have another digest than they should; empty for none.
 
     """
     intact, damaged = [], 0
@@ -105,7 +105,8 @@ def intact_records(records: Iterable[Metadata]) -> tuple[list[Metadata], int]:
                 continue
             record = Metadata(name=record.name, metadata=entries)
         intact.append(record)
-    return intact, damaged
+    lost = [f'{damaged} metadata records of piezo_ros with a wrong digest'] if damaged else []
+    return intact, lost
 
 
 def recorded_metadata(path: Path, records: Iterable[Metadata]) -> dict[str, str]:

@@ -144,9 +144,8 @@ def _surveyed(files: BagFiles, known: Mapping[Path, McapFile]) -> '_Survey':
 @contextmanager
 def _put_in_place(output: Path) -> Iterator[Path]:
     """Yield a directory beside the output, which becomes the output unless an error is raised."""
-    exists = BagExistsError(f'{output} exists; a bag is never overwritten')
     if output.exists() or output.is_symlink():
-        raise exists
+        raise BagExistsError(f'{output} exists; a bag is never overwritten')
     try:
         output.parent.mkdir(parents=True, exist_ok=True)
         with TemporaryDirectory(prefix='.salvage-', dir=output.parent) as beside:
@@ -228,7 +227,7 @@ class _Survey:
                         self.messages.get(channel.topic, 0) + messages.size - late)
         for channel in file.channels.values():
             self._announce(file, channel)
-        self.lost += [*file.damage, *file.vanished()]
+        self.lost += file.damage
         self.lost += [
             f'{path.name}: {number} {words}' for number, words in (
                 (nameless, 'messages of an unknown topic or type'),
@@ -250,10 +249,8 @@ class _Survey:
 
     def _describe(self, file: McapFile) -> None:
         """Add the metadata and attachments of a file."""
-        intact, damaged = intact_records(file.metadata)
-        if damaged:
-            self.lost.append(
-                f'{file.path.name}: {damaged} metadata records of piezo_ros with a wrong digest')
+        intact, lost = intact_records(file.metadata)
+        self.lost += [f'{file.path.name}: {loss}' for loss in lost]
         for metadata in intact:
             if metadata.name == RECORD_NAME:
                 self._own.update(metadata.metadata)

@@ -27,6 +27,7 @@ from typing import Final, NamedTuple
 
 from mcap.records import Channel, Metadata, Schema
 
+from piezo_ros.parameters.role_parameters import full_name
 from piezo_ros.streams import STREAMS
 from piezo_ros.streams.message_type import TYPE_NAME
 
@@ -141,7 +142,7 @@ def remapped_entries(topics: Mapping[str, str], namespace: str | None) -> dict[s
         namespace = _common_parent(topics.values())
     remapped = {
         f'{TOPIC_KEY}{stream}': name for stream, name in topics.items()
-        if name != f'{namespace.rstrip("/")}/{stream}'}
+        if name != full_name(namespace, stream)}
     return {NAMESPACE_KEY: namespace, **remapped} if remapped else {}
 
 

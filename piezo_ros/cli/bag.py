@@ -24,7 +24,8 @@ import numpy as np
 
 from piezo_ros.bag import STREAMS, BagError, open_recording, salvage
 from piezo_ros.cli.bag_options import add_bag_options, bag_options
-from piezo_ros.parameters.errors import naming_file
+from piezo_ros.parameters.role_parameters import full_name
+from piezo_ros.report.files import put_in_place
 
 __all__ = ['add_arguments']
 
@@ -89,7 +90,7 @@ def _info(options: argparse.Namespace) -> tuple[str, ...]:
 
 
 def _remapped(namespace: str, stream: str, topic: str) -> str:
-    return '' if topic == f'{namespace.rstrip("/")}/{stream}' else f', on {topic}'
+    return '' if topic == full_name(namespace, stream) else f', on {topic}'
 
 
 def _export_unless_there(options: argparse.Namespace) -> int:
@@ -103,18 +104,15 @@ def _export(options: argparse.Namespace) -> tuple[str, ...]:
     run = open_recording(options.bag, **bag_options(options))
     names = ['time_s', *(f'{stream}_{STREAMS[stream]}' for stream in run.streams)]
     # Half a table would pass for a whole one.
-    unfinished = options.output.with_name(f'{options.output.name}.part')
-    try:
-        with naming_file(options.output), unfinished.open('w', encoding='utf-8') as file:
-            file.write(','.join(names) + '\n')
-            for piece in run.pieces(_EXPORTED_AT_ONCE):
-                # 17 significant digits: the same bits come back.
-                np.savetxt(
-                    file, np.column_stack([getattr(piece, name) for name in names]), fmt='%.17g',
-                    delimiter=',')
-        unfinished.replace(options.output)
-    finally:
-        unfinished.unlink(missing_ok=True)
+    with (
+        put_in_place(options.output) as unfinished, unfinished.open('w', encoding='utf-8') as file,
+    ):
+        file.write(','.join(names) + '\n')
+        for piece in run.pieces(_EXPORTED_AT_ONCE):
+            # 17 significant digits: the same bits come back.
+            np.savetxt(
+                file, np.column_stack([getattr(piece, name) for name in names]), fmt='%.17g',
+                delimiter=',')
     print(f'{run.samples} samples: {options.output}')
     return run.lost
 

@@ -20,7 +20,8 @@ from typing import Any, Final
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 
 from piezo_ros.contract.driving import DrivenNode, RunOverError
-from piezo_ros.contract.probe import names_of_endpoints, wait_for
+from piezo_ros.contract.probe import wait_for
+from piezo_ros.runtime.streams.writer_names import names_of_endpoints
 
 __all__ = ['check_opening', 'check_silence', 'meet']
 

@@ -37,7 +37,7 @@ from piezo_ros.runtime.streams.qos import EVERY_STATUS, LATCHED, STREAM
 from piezo_ros.runtime.streams.writer_names import names_of_endpoints
 from piezo_ros.streams import Block, MalformedBlockError, block_from_message_fields
 
-__all__ = ['OutputLog', 'Probe', 'block_message', 'names_of_endpoints', 'wait_for']
+__all__ = ['OutputLog', 'Probe', 'block_message', 'wait_for']
 
 _POLL_S: Final = 0.002
 _NAME: Final = 'piezo_check'

@@ -37,7 +37,7 @@ from piezo_ros.parameters.node_parameters import (
     parameter_names,
 )
 from piezo_ros.parameters.parameter_file import parameter_sections, read_yaml
-from piezo_ros.parameters.role_parameters import name_matches
+from piezo_ros.parameters.role_parameters import full_name, name_matches
 
 __all__ = ['GivenParameter', 'TakingNode', 'check_given', 'given_parameters']
 
@@ -103,12 +103,12 @@ class TakingNode(NamedTuple):
     @property
     def full_name(self) -> str:
         """Its name with namespace."""
-        return f'{self.namespace.rstrip("/")}/{self.name}'
+        return full_name(self.namespace, self.name)
 
     @property
     def full_names(self) -> tuple[str, ...]:
         """The names under which files and command lines find it: its own, and that of its role."""
-        return self.full_name, f'{self.namespace.rstrip("/")}/{self.role}'
+        return self.full_name, full_name(self.namespace, self.role)
 
     def is_meant(self, given: GivenParameter) -> bool:
         """Return whether a parameter is for this node."""

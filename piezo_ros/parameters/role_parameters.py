@@ -26,7 +26,7 @@ from typing import Any
 
 from piezo_ros.parameters.parameter_file import parameter_sections, read_yaml
 
-__all__ = ['name_matches', 'parameter_files', 'role_parameters']
+__all__ = ['full_name', 'name_matches', 'parameter_files', 'role_parameters']
 
 
 def parameter_files(arguments: Sequence[str]) -> list[Path]:
@@ -60,7 +60,7 @@ def role_parameters(role: str, namespace: str, files: Sequence[Path]) -> dict[st
         If a file cannot be read.
 
     """
-    name = f'{namespace.rstrip("/")}/{role}'
+    name = full_name(namespace, role)
     values: dict[str, Any] = {}
     for file in files:
         content = read_yaml(file)
@@ -69,6 +69,11 @@ def role_parameters(role: str, namespace: str, files: Sequence[Path]) -> dict[st
                 if name_matches(pattern, name):
                     values.update(section)
     return values
+
+
+def full_name(namespace: str, name: str) -> str:
+    """Return the name of a node or topic with its namespace, '/' for none."""
+    return f'{namespace.rstrip("/")}/{name}'
 
 
 def name_matches(pattern: str, name: str) -> bool:

@@ -15,11 +15,43 @@
 """Writes files atomically: a reader finds the old content or the new one, never a part."""
 
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from piezo_ros.parameters.errors import naming_file
 
-__all__ = ['write_atomically']
+__all__ = ['put_in_place', 'write_atomically']
+
+
+@contextmanager
+def put_in_place(path: Path) -> Iterator[Path]:
+    """
+    Have a file appear whole or not at all: what is written inside the context is put in its place.
+
+    Parameters
+    ----------
+    path : Path
+        The file; it may exist, its directory must.
+
+    Yields
+    ------
+    Path
+        A file beside it to write; it is deleted where an error is raised.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be written; it names the file, and the old file is then untouched.
+
+    """
+    unfinished = path.with_name(f'.{path.name}.{os.getpid()}.tmp')
+    try:
+        with naming_file(path):
+            yield unfinished
+        unfinished.replace(path)
+    finally:
+        unfinished.unlink(missing_ok=True)
 
 
 def write_atomically(path: Path, content: bytes | str) -> None:
@@ -42,11 +74,6 @@ def write_atomically(path: Path, content: bytes | str) -> None:
 
     """
     path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f'.{path.name}.{os.getpid()}.tmp')
-    try:
-        with naming_file(path):
-            temporary.write_bytes(
-                content.encode(errors='backslashreplace') if isinstance(content, str) else content)
-        temporary.replace(path)
-    finally:
-        temporary.unlink(missing_ok=True)
+    with put_in_place(path) as unfinished:
+        unfinished.write_bytes(
+            content.encode(errors='backslashreplace') if isinstance(content, str) else content)

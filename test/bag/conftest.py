@@ -14,6 +14,7 @@
 
 """A run of known numbers, written by the writer under test and by a recorder that is not ours."""
 
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -118,3 +119,20 @@ def blocks_of() -> Callable[..., list[tuple[str, bytes]]]:
             result.append((f'{prefix}/{stream}', raw))
         return result
     return blocks
+
+
+@pytest.fixture
+def write_split() -> Callable[[Path, int], np.ndarray]:
+    """Write a bag of files with ten voltages each, without metadata.yaml; return the voltages."""
+    def write(directory: Path, files: int) -> np.ndarray:
+        values = np.arange(10.0 * files)
+        directory.mkdir()
+        part = directory.with_name('part')
+        for number in range(files):
+            with BagWriter(part, topics={'voltage': '/voltage'}) as writer:
+                writer.write_block('voltage', 10 * number, 1e-5, values[10 * number:][:10])
+            shutil.move(part / 'part_0.mcap', directory / f'bag_{number}.mcap')
+            shutil.rmtree(part)
+        return values
+
+    return write

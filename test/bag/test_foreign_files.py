@@ -15,7 +15,6 @@
 """Bags that are nearly fine (B6), hostile (A8) or of another kind (B12)."""
 
 import os
-import shutil
 
 import numpy as np
 import pytest
@@ -113,14 +112,8 @@ def test_b6_the_empty_storage_that_a_reindex_leaves_is_read(tmp_path, write_run)
     assert read(tmp_path / 'bag').samples == 20
 
 
-def test_b6_a_split_file_that_was_not_copied_is_a_loss_that_is_told(tmp_path):
-    values = np.arange(30.0)
-    (tmp_path / 'bag').mkdir()
-    for number in range(3):
-        with BagWriter(tmp_path / 'part', topics={'voltage': '/voltage'}) as writer:
-            writer.write_block('voltage', 10 * number, 1e-5, values[10 * number:][:10])
-        shutil.move(tmp_path / 'part' / 'part_0.mcap', tmp_path / 'bag' / f'bag_{number}.mcap')
-        shutil.rmtree(tmp_path / 'part')
+def test_b6_a_split_file_that_was_not_copied_is_a_loss_that_is_told(tmp_path, write_split):
+    values = write_split(tmp_path / 'bag', 3)
     (tmp_path / 'bag' / 'metadata.yaml').write_text(
         'rosbag2_bagfile_information: {storage_identifier: mcap, relative_file_paths: '
         '[bag_0.mcap, bag_1.mcap, bag_2.mcap, bag_3.mcap]}')

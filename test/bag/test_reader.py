@@ -12,8 +12,6 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-import shutil
-
 import numpy as np
 import pytest
 from mcap.writer import Writer
@@ -240,14 +238,8 @@ def test_another_format_version_is_refused_by_name(tmp_path, version):
         read(tmp_path / 'a.mcap', allow_loss=True)
 
 
-def test_a_bag_split_into_files_is_read_in_order(tmp_path):
-    values = np.arange(110.0)
-    (tmp_path / 'bag').mkdir()
-    for number in range(11):
-        with BagWriter(tmp_path / 'part', topics={'voltage': '/voltage'}) as writer:
-            writer.write_block('voltage', 10 * number, 1e-5, values[10 * number:][:10])
-        shutil.move(tmp_path / 'part' / 'part_0.mcap', tmp_path / 'bag' / f'bag_{number}.mcap')
-        shutil.rmtree(tmp_path / 'part')
+def test_a_bag_split_into_files_is_read_in_order(tmp_path, write_split):
+    values = write_split(tmp_path / 'bag', 11)
     np.testing.assert_array_equal(read(tmp_path / 'bag').voltage_v, values)
     (tmp_path / 'bag' / 'metadata.yaml').write_text(
         'rosbag2_bagfile_information: {storage_identifier: mcap, relative_file_paths: '

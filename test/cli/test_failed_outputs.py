@@ -25,7 +25,7 @@ from piezo_ros.cli.main import main
 
 
 def piezo(*arguments, file_bytes=resource.RLIM_INFINITY, **options):
-    """Run a command in a process whose files may grow to a limit."""
+    """Run a command with a limit on the size of the files that it writes."""
     return subprocess.run(
         [sys.executable, '-m', 'piezo_ros.cli.main', *map(str, arguments)], text=True, check=False,
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (file_bytes, file_bytes)),

@@ -129,10 +129,10 @@ class McapFile:
 
     @property
     def damage(self) -> list[str]:
-        """Sentences that say what is cut off or damaged, in the order of the file."""
-        return [text for _, text in sorted(self._damage)]
+        """Sentences that say what is cut off, damaged or missing, in the order of the file."""
+        return [*(text for _, text in sorted(self._damage)), *self._vanished()]
 
-    def vanished(self) -> list[str]:
+    def _vanished(self) -> list[str]:
         """Return sentences that say how many records are missing by the count of the writer."""
         if self.summary is None or self.summary.statistics is None:
             return []

@@ -17,7 +17,7 @@
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from piezo_ros.bag.container.chunk_scan import HEAD_BYTES, MESSAGE_HEAD_BYTES, unaligned
 from piezo_ros.bag.container.mcap_file import Piece
@@ -33,9 +33,12 @@ _PERIOD_TOLERANCE: Final = 1e-9
 _BLOCK_NUMBERS_BYTES: Final = 8 * HEADER_NUMBERS
 
 
-def same_period(one_s: float, other_s: float) -> bool:
-    """Return whether two sample periods, seconds, are one, but for rounding."""
-    return one_s == other_s or abs(one_s - other_s) <= _PERIOD_TOLERANCE * one_s < np.inf
+def same_period(own_s: float, periods_s: ArrayLike) -> NDArray[np.bool_]:
+    """Return which sample periods, seconds, are a given one, but for rounding."""
+    same = np.asarray(np.equal(periods_s, own_s))
+    if same.all() or not np.isfinite(own_s):
+        return same
+    return np.asarray(np.abs(np.subtract(periods_s, own_s)) <= _PERIOD_TOLERANCE * own_s)
 
 
 class StreamAssembler:
@@ -166,7 +169,7 @@ class StreamAssembler:
         valid_index = (indices >= 0) & (indices < MAXIMUM_INDEX) & (indices % 1.0 == 0)
         wrong = (
             ~valid_index | ~continues | after_end
-            | ~((periods > 0) & self._same_period(periods) & np.isfinite(periods)))
+            | ~((periods > 0) & same_period(self.sample_period_s, periods) & np.isfinite(periods)))
         if not wrong.any():
             return indices.size, None
         first = int(np.argmax(wrong))
@@ -180,7 +183,7 @@ class StreamAssembler:
             return first, (
                 f'{name} has the sample period {period} s at index {index:.0f}, it must be '
                 'positive and finite')
-        if not same_period(self.sample_period_s, float(period)):
+        if not same_period(self.sample_period_s, period):
             return first, (
                 f'{name} changes its sample period from {self.sample_period_s} s to {period} s at '
                 f'index {index:.0f}')
@@ -191,11 +194,3 @@ class StreamAssembler:
         if index > due:
             return first, f'{name} has a gap: index {due:.0f} is due, {index:.0f} comes'
         return first, f'{name} has an overlap: index {due:.0f} is due, {index:.0f} comes again'
-
-    def _same_period(self, periods_s: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Return which sample periods are that of the stream, as `same_period` tells."""
-        own_s = self.sample_period_s
-        same = np.equal(periods_s, own_s)
-        if same.all() or not np.isfinite(own_s):
-            return same
-        return np.less_equal(np.abs(periods_s - own_s), _PERIOD_TOLERANCE * own_s)

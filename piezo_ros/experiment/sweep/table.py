@@ -22,7 +22,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from piezo_ros.parameters.errors import naming_file
+from piezo_ros.report.files import put_in_place
 
 __all__ = ['summary_table', 'write_table']
 
@@ -57,22 +57,19 @@ def write_table(directory: Path, results: Sequence[Mapping[str, Any]]) -> Path:
         from pyarrow import parquet
     except ImportError:
         path = directory / 'results.csv'
-        unfinished = directory / 'results.csv.part'
         with (
-            naming_file(path), unfinished.open('w', encoding='utf-8', newline='') as file,
+            put_in_place(path) as unfinished,
+            unfinished.open('w', encoding='utf-8', newline='') as file,
         ):
             writer = csv.writer(file)
             writer.writerow(columns)
             writer.writerows(rows)
-        unfinished.replace(path)
         return path
     path = directory / 'results.parquet'
-    unfinished = directory / 'results.parquet.part'
-    with naming_file(path):
+    with put_in_place(path) as unfinished:
         parquet.write_table(
             pyarrow.table({name: [row[k] for row in rows] for k, name in enumerate(columns)}),
             unfinished)
-    unfinished.replace(path)
     return path
 
 

@@ -32,6 +32,7 @@ from piezo_ros.runtime.node.loop_node import LoopNode
 from piezo_ros.runtime.node.name_twins import count_node_names
 from piezo_ros.runtime.node.parameters import plain
 from piezo_ros.runtime.node.rclpy_node.guard import guarded
+from piezo_ros.runtime.streams.writer_names import node_of_endpoint
 
 __all__ = ['PeerParameters']
 
@@ -118,7 +119,7 @@ class PeerParameters:
                 if endpoint.node_name.startswith('_'):
                     all_known = False
                     continue
-                names.append(f'{endpoint.node_namespace.rstrip("/")}/{endpoint.node_name}')
+                names.append(node_of_endpoint(endpoint))
         return [*dict.fromkeys(names)], all_known
 
     def _look_for_twins(self, writing: list[str]) -> None:

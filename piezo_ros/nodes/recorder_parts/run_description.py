@@ -23,6 +23,7 @@ from piezo_ros.nodes.recorder_parts.peer_parameters import PeerParameters
 from piezo_ros.parameters.node_parameters import LOOP_NODES
 from piezo_ros.parameters.parameter_file import parameters_yaml, read_parameter_file
 from piezo_ros.parameters.provenance import run_metadata
+from piezo_ros.parameters.role_parameters import full_name
 from piezo_ros.parameters.roles import parameters_by_role
 
 __all__ = ['RunDescription']
@@ -83,6 +84,5 @@ class RunDescription:
         """Return what the file says of the nodes, by full name."""
         if not self._parameters_file:
             return {}
-        prefix = self._namespace.rstrip('/')
         sections = read_parameter_file(Path(self._parameters_file), LOOP_NODES)
-        return {f'{prefix}/{role}': values for role, values in sections.items()}
+        return {full_name(self._namespace, role): values for role, values in sections.items()}

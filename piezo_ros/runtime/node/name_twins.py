@@ -22,6 +22,8 @@ twin for that time.
 from collections import Counter
 from typing import Any, Protocol
 
+from piezo_ros.parameters.role_parameters import full_name
+
 __all__ = ['count_node_names', 'warn_of_twins']
 
 
@@ -41,7 +43,7 @@ class GraphNode(Protocol):
 def count_node_names(node: GraphNode) -> Counter[str]:
     """Return how many nodes the graph has of each full name."""
     return Counter(
-        f'{namespace.rstrip("/")}/{name}'
+        full_name(namespace, name)
         for name, namespace in node.get_node_names_and_namespaces())
 
 

@@ -23,6 +23,7 @@ from std_msgs.msg import Float64MultiArray
 
 from piezo_ros.runtime.streams.owner import StreamOwner
 from piezo_ros.runtime.streams.qos import STREAM
+from piezo_ros.runtime.streams.writer_names import node_of_endpoint
 
 __all__ = ['Outlet']
 
@@ -104,8 +105,7 @@ class Outlet:
     def _reader_names(self) -> str:
         """Return the nodes that read; the middleware does not tell which one is behind."""
         names = sorted({
-            f'{endpoint.node_namespace.rstrip("/")}/{endpoint.node_name}'
-            for endpoint in self._readers(ReliabilityPolicy.RELIABLE)})
+            node_of_endpoint(endpoint) for endpoint in self._readers(ReliabilityPolicy.RELIABLE)})
         return ' or '.join(names) or 'of unknown name'
 
     def _readers(self, reliability: ReliabilityPolicy) -> list[Any]:

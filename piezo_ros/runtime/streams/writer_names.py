@@ -12,14 +12,16 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Which nodes write a topic, for messages about a writer too many."""
+"""Which nodes write or read a topic, for messages about them."""
 
 from collections.abc import Sequence
 from typing import Any, Protocol
 
 from rclpy.subscription import Subscription
 
-__all__ = ['names_of_endpoints', 'writers_beside', 'wrong_writers']
+from piezo_ros.parameters.role_parameters import full_name
+
+__all__ = ['names_of_endpoints', 'node_of_endpoint', 'writers_beside', 'wrong_writers']
 
 
 class _GraphNode(Protocol):
@@ -27,10 +29,14 @@ class _GraphNode(Protocol):
         """Return the endpoint of every writer of a topic, by its full name."""
 
 
+def node_of_endpoint(endpoint: Any) -> str:
+    """Return the full name of the node that has an endpoint."""
+    return full_name(endpoint.node_namespace, endpoint.node_name)
+
+
 def names_of_endpoints(endpoints: Sequence[Any]) -> str:
     """Return the full names of the nodes that have some endpoints."""
-    return ', '.join(
-        f'{endpoint.node_namespace.rstrip("/")}/{endpoint.node_name}' for endpoint in endpoints)
+    return ', '.join(map(node_of_endpoint, endpoints))
 
 
 def wrong_writers(node: _GraphNode, topic: str, count: int) -> str:
