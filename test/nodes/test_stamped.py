@@ -38,6 +38,7 @@ EXAMPLE = Path(__file__).parents[2] / 'docs' / 'examples' / 'ros2_control'
 PERIOD_S = 1e-5
 PERIODS = 3.0
 LONG = 3000.0
+LOOP_NODES = ('compensator', 'controller', 'plant', 'trajectory')
 SLOW = 0.01  # simulated seconds in one of the wall: 1000 samples a second
 
 
@@ -175,14 +176,28 @@ def test_every_message_has_the_stamp_the_unit_and_the_value_of_its_sample(
     loop = rig.node(
         'loop', compiled='false', periods=PERIODS, realtime_factor=SLOW, monitor_rate_hz=100.0,
         lookahead_samples=20,  # else the reference is all sent before it is looked at
-        linger_s=-1.0)
-    peer.wait_for_status('plant', state='finished')
+        autostart='false', handshake_timeout_s=60.0, linger_s=-1.0)
     last = {stream: samples.size - 1 for stream, samples in expected.items()}
     assert last['displacement'] == last['reference'] + 1
-    # What best effort loses on the way to it, that of the end too, is shown again.
-    peer.wait(
-        lambda: all(received and index_of(received[-1]) == last[stream]
-                    for stream, received in messages.items()), 'the last sample of each stream')
+
+    def change_state(transition):
+        for node in LOOP_NODES:
+            assert peer.change_state(node, transition), peer.status(node)
+
+    def run():
+        change_state('activate')
+        # What best effort loses on the way to it, that of the end too, is shown again.
+        peer.wait(
+            lambda: all(received and index_of(received[-1]) == last[stream]
+                        for stream, received in messages.items()), 'the last sample of each stream')
+
+    change_state('configure')
+    # Discovery is not part of a run: what is shown of the first one began with the readers.
+    run()
+    change_state('deactivate')
+    for received in messages.values():
+        received.clear()
+    run()
     for stream, received in messages.items():
         assert len(check(stream, received, expected[stream])) > 3
         assert {message.header.frame_id for message in received} == {'base'}
