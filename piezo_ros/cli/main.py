@@ -23,6 +23,7 @@ import sys
 from collections.abc import Sequence
 from typing import Final
 
+from piezo_ros.cli.exit_codes import EXIT_FAILED, EXIT_USAGE
 from piezo_ros.crash_report import report_crashes
 from piezo_ros.interruption import Interruption, remembering_interruption, stopped_by
 from piezo_ros.matrix_threads import use_one_thread
@@ -32,7 +33,6 @@ from piezo_ros.resource_limits import COMMAND_BYTES, GRAPH_BYTES, memory_problem
 
 __all__ = ['argument_parser', 'main']
 
-EXIT_DONE, EXIT_FAILED, EXIT_USAGE, EXIT_LOSS = range(4)
 _NO_ROOM: Final = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
 
 # Each with its line in `piezo --help`. The module of this name beside this one describes its
@@ -63,7 +63,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns
     -------
     int
-        0 done, 1 failed, 2 usage (also a plan that cannot be run), 3 done with loss.
+        One of `piezo_ros.cli.exit_codes`.
 
     """
     report_crashes()

@@ -1,0 +1,182 @@
+# Copyright 2026 piezo_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What all kinds of ``piezo identify`` share: bags to read, files to write, the exit code."""
+
+import argparse
+import math
+import sys
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+from piezo_ros.bag import BagError, Run, open_recording
+from piezo_ros.cli.bag_options import add_bag_options, bag_options
+from piezo_ros.cli.exit_codes import (
+    EXIT_DONE,
+    EXIT_FAILED,
+    EXIT_LOSS,
+    EXIT_POOR,
+    EXIT_USAGE,
+)
+from piezo_ros.identification.verdict import Verdict
+from piezo_ros.model import ParameterError
+from piezo_ros.parameters.errors import PlanError, failure_text
+from piezo_ros.report.files import write_atomically
+
+__all__ = [
+    'TABLE_SUFFIX', 'Identified', 'add_common_arguments', 'add_verdict_arguments', 'identify',
+    'source', 'with_picture',
+]
+
+TABLE_SUFFIX: Final = '.csv'
+_PLOT_SUFFIX: Final = '.svg'
+
+
+class Identified(NamedTuple):
+    """
+    What a kind makes of its bags.
+
+    Attributes
+    ----------
+    files : mapping of Path to str
+        The text of each file to write.
+    verdict : Verdict or None
+        How far the model may be trusted; None where the kind has no model of its own.
+
+    """
+
+    files: Mapping[Path, str]
+    verdict: Verdict | None = None
+
+
+def add_common_arguments(kind: argparse.ArgumentParser) -> None:
+    """Describe the bags, the output and the part of the bags that is taken."""
+    kind.add_argument('bags', type=Path, nargs='+', metavar='BAG')
+    kind.add_argument(
+        '-o', '--output', type=Path, required=True, metavar='FILE', help='model file to write')
+    kind.add_argument('--force', action='store_true', help='replace the file')
+    add_bag_options(kind)
+    kind.add_argument(
+        '--from-s', type=float, default=0.0, metavar='T',
+        help='leave out what was before this simulated time')
+    kind.add_argument(
+        '--to-s', type=float, default=math.inf, metavar='T',
+        help='leave out what was from this simulated time on')
+
+
+def add_verdict_arguments(kind: argparse.ArgumentParser) -> None:
+    """Describe what is done with a model that does not explain its data."""
+    kind.add_argument(
+        '--accept-poor', action='store_true',
+        help='exit 0 also where the verdict is "do not trust" (else 4; the file is written)')
+
+
+def identify(
+    make: Callable[[argparse.Namespace, list[Run]], Identified], options: argparse.Namespace,
+    *, further_suffixes: tuple[str, ...] = (), every: int = 1, hysteresis: bool = False,
+) -> int:
+    """
+    Read the bags, make a model of them, write its files and return the exit code.
+
+    Parameters
+    ----------
+    make : callable
+        Returns the files and the verdict for the options and the runs.
+    options : argparse.Namespace
+        The arguments of the command.
+    further_suffixes : tuple of str, optional
+        Suffixes of further files beside the model, which are not replaced without ``--force``.
+    every : int, optional
+        One of so many samples is taken.
+    hysteresis : bool, optional
+        Whether voltage and displacement are all that is wanted, also where they are not finite.
+
+    """
+    outputs = [options.output, *(
+        options.output.with_suffix(suffix) for suffix in (_PLOT_SUFFIX, *further_suffixes))]
+    for path in outputs:
+        if path.exists() and not options.force:
+            print(f'piezo: {path} exists; --force replaces it', file=sys.stderr)
+            return EXIT_USAGE
+    try:
+        runs = [_read(path, options, hysteresis, every) for path in options.bags]
+        _refuse_different_periods(runs)
+        files, verdict = make(options, runs)
+        for path, text in files.items():
+            write_atomically(path, text)
+    except (BagError, PlanError, ParameterError, ValueError, OSError) as error:
+        print(f'piezo: {failure_text(error)}', file=sys.stderr)
+        return EXIT_FAILED
+    print(f'model: {", ".join(map(str, files))}')
+    lost = [f'{run.path}: {loss}' for run in runs for loss in run.lost]
+    for loss in lost:
+        print(f'piezo: {loss}', file=sys.stderr)
+    return _exit_code(verdict, bool(lost), getattr(options, 'accept_poor', False))
+
+
+def _exit_code(verdict: Verdict | None, is_lossy: bool, accept_poor: bool) -> int:
+    if verdict is not None:
+        print(f'verdict: {verdict}')
+        if verdict.is_poor and not accept_poor:
+            return EXIT_POOR
+    return EXIT_LOSS if is_lossy else EXIT_DONE
+
+
+def _read(path: Path, options: argparse.Namespace, hysteresis: bool, every: int) -> Run:
+    """Read what is wanted of a bag, of which the rest may be longer than the memory."""
+    recording = open_recording(
+        path, **bag_options(options), keep_not_finite=hysteresis)  # its fit leaves them out
+    start, stop = (
+        math.ceil(time_s / recording.sample_period_s) - recording.start_index
+        if math.isfinite(time_s) else recording.samples
+        for time_s in (options.from_s, options.to_s))
+    start, stop = max(start, 0), min(stop, recording.samples)
+    if start >= stop:
+        first_s = recording.start_index * recording.sample_period_s
+        last_s = first_s + (recording.samples - 1) * recording.sample_period_s
+        raise BagError(
+            f'{path} has no sample from --from-s {options.from_s:g} to --to-s {options.to_s:g}, '
+            f'it lasts from {first_s:g} s to {last_s:g} s')
+    if hysteresis:
+        return recording.part(start, stop, every=every, streams=('voltage', 'displacement'))
+    return recording.part(start, stop)
+
+
+def _refuse_different_periods(runs: list[Run]) -> None:
+    first, *others = runs
+    for run in others:
+        if run.sample_period_s != first.sample_period_s:
+            raise BagError(
+                f'{run.path} has the sample period {run.sample_period_s:g} s, {first.path} '
+                f'{first.sample_period_s:g} s: they cannot be identified together')
+
+
+def source(runs: list[Run]) -> str:
+    """Return where a model is from, for its file."""
+    return ', '.join(str(run.path) for run in runs)
+
+
+def with_picture(
+    files: dict[Path, str], options: argparse.Namespace, figure: str, *arguments: Any,
+) -> Mapping[Path, str]:
+    """Add a picture beside the model; without matplotlib the model is all the same."""
+    try:
+        from piezo_ros.report.figures import identification as identification_figures
+        from piezo_ros.report.figures.export import svg
+    except ImportError:
+        return files
+    files[options.output.with_suffix(_PLOT_SUFFIX)] = svg(
+        getattr(identification_figures, figure)(*arguments), options.kind)
+    return files
