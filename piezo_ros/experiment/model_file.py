@@ -37,8 +37,8 @@ if TYPE_CHECKING:
     from piezo_ros.identification.tuning.loop_evidence import LoopEvidence
 
 __all__ = [
-    'BOUND_KIND', 'RATIONAL_KIND', 'identified_facts', 'poor_verdict', 'read_accuracy', 'read_bound',
-    'read_dynamics', 'read_evidence',
+    'BOUND_KIND', 'RATIONAL_KIND', 'identified_facts', 'poor_verdict', 'read_accuracy',
+    'read_bound', 'read_dynamics', 'read_evidence',
 ]
 
 BOUND_KIND = 'uncertainty_bound'
