@@ -113,8 +113,10 @@ class ModelAccuracy:
             return rms_um
         order = np.argsort(levels)
         relative = sizes / math.sqrt(float(np.mean(sizes**2)))
-        return rms_um * float(np.interp(
-            amplitude_v, [0.0, *levels[order]], [0.0, *relative[order]]))
+        levels, relative = levels[order], relative[order]
+        # Below the smallest loop of the record a residual falls, but less than the loop does.
+        below = math.sqrt(min(amplitude_v / float(levels[0]), 1.0))
+        return rms_um * below * float(np.interp(amplitude_v, levels, relative))
 
     def unknown(self, *, bound: bool) -> tuple[str, ...]:
         """
