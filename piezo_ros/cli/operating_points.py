@@ -22,14 +22,15 @@ from typing import TYPE_CHECKING, Final, TypeVar
 
 from piezo_ros.control import ControllerParameters, TrajectoryParameters
 from piezo_ros.experiment.model_file import read_accuracy
-from piezo_ros.experiment.plan.automatic import AUTO, known_rig
+from piezo_ros.experiment.plan.automatic import AUTO, known_rig, place_is_told
 from piezo_ros.identification.prediction.operating_points import (
     OperatingPoint,
     feedback_table,
     predict_operating_points,
 )
+from piezo_ros.identification.prediction.placement import likely_place
 from piezo_ros.model import HysteresisParameters, ParameterSet, RigParameters
-from piezo_ros.parameters.parameter_file import read_parameter_set
+from piezo_ros.parameters.parameter_file import read_parameter_file, read_parameter_set
 
 if TYPE_CHECKING:
     from piezo_ros.identification.tuning.linear_plant import Bound
@@ -60,6 +61,8 @@ def predicted_points(
     scan = read_parameter_set(options.model, 'trajectory', TrajectoryParameters, {
         'sample_period_s': period_s, 'frequency_hz': min(_DEFAULT_SCAN_HZ, highest_hz)}).replaced(
             waveform=options.waveform, sample_period_s=period_s)
+    if not place_is_told(read_parameter_file(options.model, ['trajectory'])['trajectory']):
+        scan = likely_place(scan)
     controller = ControllerParameters(
         proportional_gain=tuning.proportional_gain,
         integral_gain_per_s=tuning.integral_gain_per_s,

@@ -42,10 +42,11 @@ COMMANDS = (
     ('', 'simulate identify.yaml -o runs'),
     ('hysteresis', 'identify hysteresis runs/bags/000_* -o compensator.yaml'),
     ('comparison', 'identify hysteresis runs/bags/000_* --compare -o compared.yaml'),
-    ('dynamics', 'identify dynamics runs/bags/001_* --compensator compensator.yaml '
-     '-o trajectory.yaml'),
-    ('tune', 'tune trajectory.yaml --compensator compensator.yaml --plant rig.yaml --bound none '
-     '--sample-period-s 1e-4 --frequencies-hz 14 28 57 110 -o controller.yaml'),
+    ('dynamics', (
+        'identify dynamics runs/bags/001_* --compensator compensator.yaml -o trajectory.yaml')),
+    ('tune', (
+        'tune trajectory.yaml --compensator compensator.yaml --plant rig.yaml --bound none '
+        '--sample-period-s 1e-4 --frequencies-hz 14 28 57 110 -o controller.yaml')),
 )
 _BLOCK = re.compile(r'(<!-- printed: (\w+) -->\n\n)(.*?)(\n\n<!-- end -->)', re.DOTALL)
 _FILES = re.compile(r'^(model|gains): .*\n?', re.MULTILINE)
@@ -69,7 +70,7 @@ def printed_outputs(directory, commands=COMMANDS):
                 found[name] = _FILES.sub('', out.getvalue()).strip('\n')
     # The part that the page shows of the comparison is its table.
     if 'comparison' in found:
-        found['comparison'] = found['comparison'].partition('\n\n')[2] or found['comparison']
+        found['comparison'] = found['comparison'][found['comparison'].index('model  '):]
     return found
 
 

@@ -45,11 +45,14 @@ __all__ = [
     'Known',
     'decide',
     'known_rig',
+    'place_is_told',
     'predict',
     'take_out_automatic',
 ]
 
 AUTO: Final = 'auto'
+_PLACE: Final = (
+    'hysteresis_place', 'rates_before_hysteresis', 'pairs_before_hysteresis')
 KNOWN_NODES: Final = ('compensator', 'plant', 'trajectory')
 # Parameters of a rig that are in a data sheet. The list is explicit: a new parameter of the rig is
 # not known unless it is added here.
@@ -126,6 +129,19 @@ def known_rig(
         values.update(chosen)
     values.update(_chosen(sections, 'plant', (*_DATA_SHEET, 'order')))
     return RigParameters.from_mapping({'order': 'physical', **values})
+
+
+def place_is_told(*trajectories: Mapping[str, Any]) -> bool:
+    """
+    Return whether any dynamics say which of their poles are before the hysteresis.
+
+    Parameters
+    ----------
+    *trajectories : mapping of str to value
+        Parameters of trajectory nodes as they are given, without defaults.
+
+    """
+    return any(set(_PLACE) & values.keys() for values in trajectories)
 
 
 def _chosen(
@@ -223,6 +239,7 @@ def take_out_automatic(values: Mapping[str, dict[str, Any]]) -> tuple[str, ...]:
 
 def decide(
     where: str, run: PlannedRun, undecided: tuple[str, ...], known: Known, score_periods: float,
+    *, place_told: bool = True,
 ) -> PlannedRun:
     """
     Return a run with scheme and harmonics decided by a prediction.
@@ -239,6 +256,8 @@ def decide(
         What is known of the rig.
     score_periods : float
         Periods at the end of the run that will be scored.
+    place_told : bool, optional
+        Whether the dynamics say which poles are before the hysteresis, see `place_is_told`.
 
     Raises
     ------
@@ -253,9 +272,12 @@ def decide(
     if 'scheme' not in undecided and not run.controller.uses_feedforward:
         return run  # its 0 harmonics are as good as any
     try:
+        rig = known_rig(known.sections, run.plant, run.compensator, run.trajectory)
+        if not place_told:
+            from piezo_ros.identification.prediction.placement import likely_place
+            rig = likely_place(rig)
         prediction = predict(
-            known_rig(known.sections, run.plant, run.compensator, run.trajectory),
-            run.compensator, run.controller, run.trajectory, undecided, bound=known.bound,
+            rig, run.compensator, run.controller, run.trajectory, undecided, bound=known.bound,
             accuracy=known.accuracy, score_periods=score_periods)
     except ValueError as error:
         raise PlanError(f'{where}: {" and ".join(undecided)} auto: {error}') from None

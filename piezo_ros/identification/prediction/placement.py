@@ -20,17 +20,19 @@ three poles and pairs all choices are possible, of more those with one of them b
 """
 
 import itertools
-from collections.abc import Iterable
-from typing import Final
+from collections.abc import Sequence
+from typing import Final, TypeVar
 
 from piezo_ros.model import DynamicsParameters, ParameterError
 
-__all__ = ['placements']
+__all__ = ['likely_place', 'placements']
 
+_Dynamics = TypeVar('_Dynamics', bound=DynamicsParameters)
 _FEW: Final = 3
+_WELL_DAMPED: Final = 0.3  # an amplifier is, a mechanical mode hardly ever
 
 
-def placements(dynamics: DynamicsParameters) -> tuple[DynamicsParameters, ...]:
+def placements(dynamics: _Dynamics) -> tuple[_Dynamics, ...]:
     """
     Return the dynamics with every place of the hysteresis that is possible.
 
@@ -41,7 +43,7 @@ def placements(dynamics: DynamicsParameters) -> tuple[DynamicsParameters, ...]:
 
     Returns
     -------
-    tuple of DynamicsParameters
+    tuple of DynamicsParameters or a subclass
         The given place first; it is the only one where ``hysteresis_place`` is ``'known'``.
 
     Examples
@@ -70,9 +72,36 @@ def placements(dynamics: DynamicsParameters) -> tuple[DynamicsParameters, ...]:
     return tuple(found)
 
 
+def likely_place(dynamics: _Dynamics) -> _Dynamics:
+    """
+    Return the dynamics with the most likely place of the hysteresis where nothing is told of it.
+
+    Before the hysteresis are the well damped pole pairs, as those of an amplifier are. The place
+    stays undecided.
+
+    Parameters
+    ----------
+    dynamics : DynamicsParameters
+        The dynamics, with any place.
+
+    """
+    undecided = dynamics.replaced(hysteresis_place='undecided')
+    well_damped = [
+        ('pair', i) for i, (_, damping) in enumerate(dynamics.pole_pairs)
+        if damping >= _WELL_DAMPED]
+    # Of several the fastest: the others would leave too few poles to the zeros.
+    fastest = sorted(well_damped, key=lambda pole: -dynamics.pole_pairs[pole[1]][0])
+    for before in (fastest, fastest[:1], []):
+        try:
+            return _placed(undecided, sorted(before))
+        except ParameterError:
+            continue
+    return undecided
+
+
 def _placed(
-    dynamics: DynamicsParameters, before: Iterable[tuple[str, int]],
-) -> DynamicsParameters:
+    dynamics: _Dynamics, before: Sequence[tuple[str, int]],
+) -> _Dynamics:
     """Return the dynamics with some poles before the hysteresis, put first in their lists."""
     rates = [i for kind, i in before if kind == 'rate']
     pairs = [i for kind, i in before if kind == 'pair']

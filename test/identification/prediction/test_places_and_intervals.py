@@ -22,7 +22,7 @@ from piezo_ros.control import ControllerParameters, TrajectoryParameters, simula
 from piezo_ros.experiment.plan.automatic import known_rig
 from piezo_ros.identification.prediction.accuracy import ModelAccuracy
 from piezo_ros.identification.prediction.operating_points import predict_operating_point
-from piezo_ros.identification.prediction.placement import placements
+from piezo_ros.identification.prediction.placement import likely_place, placements
 from piezo_ros.identification.prediction.tracking import predict_tracking
 from piezo_ros.model import (
     DynamicsParameters,
@@ -102,6 +102,20 @@ def test_d1_a_place_that_is_not_decided_is_told_with_all_it_may_be():
     assert point.depends_on_place == (len(set(point.schemes_by_place)) > 1)
     assert point.depends_on_place == ('is not decided' in point.reason)
     assert point.record()['depends_on_place'] == point.depends_on_place
+
+
+def test_d1_where_nothing_is_told_the_well_damped_pair_is_the_likely_amplifier():
+    swapped = DynamicsParameters(
+        natural_frequency_1_rad_per_s=1885.0, damping_ratio_1=0.05,
+        natural_frequency_2_rad_per_s=5027.0, damping_ratio_2=0.8)
+    likely = likely_place(swapped)
+    assert (likely.natural_frequency_1_rad_per_s, likely.damping_ratio_1) == (5027.0, 0.8)
+    assert (likely.pairs_before_hysteresis, likely.hysteresis_place) == (1, 'undecided')
+    assert likely_place(DynamicsParameters()).replaced(
+        hysteresis_place='known') == DynamicsParameters()
+    mode = DynamicsParameters(
+        dynamics='sections', pole_frequencies_rad_per_s=[5e3], pole_damping_ratios=[0.02])
+    assert likely_place(mode).pairs_before_hysteresis == 0
 
 
 def test_d1_a_rig_that_is_known_as_lumped_is_lumped():
