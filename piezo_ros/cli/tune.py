@@ -139,7 +139,8 @@ def _tune(options: argparse.Namespace) -> int:
         if options.sample_period_s is None:
             options.sample_period_s = _recorded_period_s(options.model)
         model = read_dynamics(options.model)
-        evidence = read_evidence(options.model, model, options.sample_period_s)
+        evidence = read_evidence(
+            options.model, model, options.sample_period_s, trust_band=not options.accept_poor)
         bound = _bound(options.bound)
         tuning = tune_pi(
             model, bound=bound, objective=_objective(options, model),

@@ -160,8 +160,9 @@ def read_accuracy(paths: Iterable[Path]) -> 'ModelAccuracy':
             ('hysteresis_rms_um', hysteresis, 'residual_rms_um'),
             ('noise_rms_um', hysteresis, 'noise_rms_um'),
         ):
-            if key in facts:
-                values[name] = _number(path, key, facts[key])
+            value = _known_number(path, key, facts)
+            if value is not None:
+                values[name] = value
         levels = hysteresis.get('amplitude_levels_v', [])
         percents = hysteresis.get('amplitude_residual_percent', [])
         if isinstance(levels, list) and isinstance(percents, list) and (
@@ -173,7 +174,9 @@ def read_accuracy(paths: Iterable[Path]) -> 'ModelAccuracy':
     return ModelAccuracy(**values)
 
 
-def read_evidence(path: Path, model: 'Model', sample_period_s: float) -> 'LoopEvidence':
+def read_evidence(
+    path: Path, model: 'Model', sample_period_s: float, *, trust_band: bool = True,
+) -> 'LoopEvidence':
     """
     Return the measured points beside a model of the dynamics, and the error that its file tells.
 
@@ -185,6 +188,8 @@ def read_evidence(path: Path, model: 'Model', sample_period_s: float) -> 'LoopEv
         The model in it.
     sample_period_s : float
         Sample period of the loop that is to hold.
+    trust_band : bool, optional
+        Whether to take what the file tells of the error of the model.
 
     Raises
     ------
@@ -194,9 +199,9 @@ def read_evidence(path: Path, model: 'Model', sample_period_s: float) -> 'LoopEv
     """
     from piezo_ros.identification.tuning.loop_evidence import LoopEvidence
     facts = identified_facts(path, _DYNAMICS_FACTS)
-    known = {
-        key: _number(path, key, facts[key]) for key in ('model_error', 'usable_to_hz')
-        if key in facts}
+    known = {key: _known_number(path, key, facts) for key in ('model_error', 'usable_to_hz')}
+    if not trust_band:
+        known = {}
     name = str(facts.get('points_file', ''))
     if not name:
         return LoopEvidence.of(model, sample_period_s, [], [], [], sample_period_s, **known)
@@ -210,6 +215,14 @@ def read_evidence(path: Path, model: 'Model', sample_period_s: float) -> 'LoopEv
     return LoopEvidence.of(
         model, sample_period_s, points.frequency_hz, points.response, points.standard_error,
         points.sample_period_s, **known)
+
+
+def _known_number(path: Path, name: str, facts: Mapping[str, Any]) -> float | None:
+    """Return a number of the facts; None where it is not told, or NaN: it could not be found."""
+    value = facts.get(name)
+    if value is None or (isinstance(value, float) and math.isnan(value)):
+        return None
+    return _number(path, name, value)
 
 
 def _number(path: Path, name: str, value: Any) -> float:

@@ -176,6 +176,9 @@ class OperatingPoint:
                 f'|S| = 1 at {self.feedback_acceptable_frequency_hz:.4g} Hz' if self.loop.stable
                 else 'the loop is not stable')
             sentences.append(f'{self.scheme} is predicted to err least: {listed}; {stability}')
+        parts = self.chosen.unknown
+        sentences.append(f'expected between: {self.interval} %' + (
+            f' (not known: {", ".join(parts)})' if parts else ''))
         if self.depends_on_place:
             sentences.append(
                 'which poles are before the hysteresis is not decided, and the scheme depends on '
