@@ -256,7 +256,8 @@ def test_the_feedforward_refuses_a_harmonic_at_an_antiresonance_and_the_usual_on
 @pytest.mark.parametrize(('values', 'harmonics'), [
     ({}, 9), ({'sample_period_s': 2e-4}, 7), ({'sample_period_s': 5e-4}, 3),
     ({'sample_period_s': 1.5e-3}, 1), ({'waveform': 'decreasing_triangle'}, 0),
-    ({'waveform': 'stepped_sine', 'frequencies_hz': [10.0], 'sample_period_s': 5e-4}, 0)])
+    ({'waveform': 'stepped_sine', 'frequencies_hz': [10.0], 'sample_period_s': 5e-4}, 0),
+    ({'waveform': 'stepped_sine', 'frequencies_hz': [10.0], 'sample_period_s': 5e-3}, 0)])
 def test_d2_harmonics_that_are_not_given_suit_waveform_and_sampling(values, harmonics):
     trajectory = TrajectoryParameters.from_mapping(values)
     assert trajectory.harmonics == harmonics
