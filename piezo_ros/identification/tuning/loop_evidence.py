@@ -50,8 +50,8 @@ class LoopEvidence:
         Frequencies of the points, below the Nyquist frequency of the loop; may be empty.
     response : ndarray of complex, shape (N,)
         The sampled response v[k] -> y[k] there, micrometres per micrometre.
-    model_error : float
-        Relative error of the model; 0 where it is not known.
+    model_error : float or None
+        Relative error of the model; None where it is not known.
     usable_to_hz : float
         Up to where the model holds; above, its error is taken as 100 %.
 
@@ -59,7 +59,7 @@ class LoopEvidence:
 
     frequency_hz: _Floats
     response: NDArray[np.complex128]
-    model_error: float = 0.0
+    model_error: float | None = None
     usable_to_hz: float = math.inf
 
     @classmethod
@@ -97,7 +97,7 @@ class LoopEvidence:
                 plant.sampled(sample_period_s).response(frequency)
                 / plant.sampled(recorded_period_s).response(frequency))
         return cls(
-            frequency, points, model_error or 0.0,
+            frequency, points, model_error,
             math.inf if usable_to_hz is None else usable_to_hz)
 
     def point_sensitivity(self, loop: PiLoop) -> _Floats:
@@ -109,7 +109,7 @@ class LoopEvidence:
 
     def relative_error(self, frequency_hz: _Floats) -> _Floats:
         """Return the relative error of the model at frequencies in hertz, shape (N,)."""
-        return np.where(frequency_hz <= self.usable_to_hz, self.model_error, 1.0)
+        return np.where(frequency_hz <= self.usable_to_hz, self.model_error or 0.0, 1.0)
 
     def band_sensitivity(self, frequency_hz: _Floats, open_loop: ArrayLike) -> _Floats:
         """Return the largest |S| within the error of the model, shape (N,); infinite for none."""
@@ -125,7 +125,7 @@ class LoopEvidence:
 
     def largest_on_band(self, loop: PiLoop) -> float | None:
         """Return the largest |S| on the band of the model; None where its error is not known."""
-        if not self.model_error:
+        if self.model_error is None:
             return None
         frequency_hz = loop.frequencies_hz()
         return float(self.band_sensitivity(frequency_hz, loop.loop(frequency_hz)).max())

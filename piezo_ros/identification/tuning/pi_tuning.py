@@ -350,7 +350,7 @@ class _Search:
             return False
         evidence = self._evidence
         if evidence is not None:
-            if evidence.model_error and evidence.band_sensitivity(
+            if evidence.model_error is not None and evidence.band_sensitivity(
                     self._frequency_hz, open_loop).max() >= self._limits[0]:
                 return False
             if (evidence.largest_on_points(self.loop.with_gains(
