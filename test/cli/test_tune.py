@@ -270,7 +270,8 @@ def test_d2_the_period_is_that_of_the_record_where_the_model_tells_it(model, tun
     assert 'sampled every 2e-05 s' in tune(model)[1]
 
 
-@pytest.mark.parametrize('section', ['identified_dynamics', 'identified_hysteresis'])
+@pytest.mark.parametrize('section', [
+    'identified_dynamics', pytest.param('identified_hysteresis', marks=pytest.mark.slow)])
 def test_a_model_that_is_not_to_be_trusted_is_tuned_only_when_told_to(
         model, tune, output, section):
     add_facts(model, section, verdict='do not trust, because of 3 points')

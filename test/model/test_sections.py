@@ -165,7 +165,9 @@ def test_compiled_or_not_any_stage_gives_the_same_bits(values):
 
 
 @pytest.mark.parametrize('frequency_hz', [100.0, 300.0])
-@pytest.mark.parametrize('pairs', [[50e3, 0.8], [50e3, 0.2], [5e5, 0.9], [4e3, 0.7]])
+@pytest.mark.parametrize('pairs', [
+    [50e3, 0.8], [5e5, 0.9], *(pytest.param(each, marks=pytest.mark.slow) for each in (
+        [50e3, 0.2], [4e3, 0.7]))])
 def test_d12_the_hold_behind_a_fast_amplifier_is_within_a_twentieth_of_a_percent(
         frequency_hz, pairs):
     """The output of the amplifier between samples drives the mechanics, not a straight line."""
