@@ -104,8 +104,10 @@ class WaveformParameters(ParameterSet):
 
     def check_together(self) -> None:
         """Refuse what cannot be sampled."""
+        super().check_together()
         nyquist_hz = 0.5 / self.sample_period_s
-        if self.frequency_hz >= nyquist_hz:
+        # A stepped sine has frequencies of its own.
+        if self.waveform != 'stepped_sine' and self.frequency_hz >= nyquist_hz:
             raise ParameterError(
                 f'frequency_hz is {self.frequency_hz} Hz, it must be below the Nyquist frequency '
                 f'{nyquist_hz:g} Hz of sample_period_s {self.sample_period_s:g} s')

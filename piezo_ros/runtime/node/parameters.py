@@ -64,6 +64,9 @@ def declare(
         default = (defaults or {}).get(name, field.default)
         node.declare_parameter(
             name, list(default) if isinstance(default, tuple) else default, _descriptor(field))
+        if isinstance(default, tuple) and _is_empty(node.get_parameter(name).value):
+            # An empty list is one of bytes for rclpy, unless its type is told.
+            node.set_parameters([_empty_list(name)])
     node.add_pre_set_parameters_callback(
         lambda changes: [_with_numbers(change, fields) for change in changes])
 
@@ -85,6 +88,8 @@ def _with_numbers(
     field = fields.get(change.name)
     if field is None or not isinstance(field.default, int | float | tuple):
         return change
+    if isinstance(field.default, tuple) and _is_empty(change.value):
+        return _empty_list(change.name)
     try:
         if isinstance(change.value, str):
             return Parameter(change.name, value=_number(change.value))
@@ -93,6 +98,15 @@ def _with_numbers(
     except ValueError:
         pass  # Text it is, and refused as that.
     return change
+
+
+def _is_empty(value: Any) -> bool:
+    """Return whether a list is empty; what a file or a command line gives as [] has no value."""
+    return value is None or (not isinstance(value, str | int | float) and len(value) == 0)
+
+
+def _empty_list(name: str) -> Parameter:
+    return Parameter(name, Parameter.Type.DOUBLE_ARRAY, [])
 
 
 def _number(text: str) -> float | int:
