@@ -279,11 +279,11 @@ def fit_dynamics(
         raise ValueError(
             f'{points.frequency_hz.size} points up to {maximum_frequency_hz:g} Hz cannot '
             f'determine {shape.size} parameters; at least {shape.size // 2 + 1} are needed')
-    problem = RationalProblem.of(shape, points, delay_samples, structure == 'liu')
+    problem = RationalProblem.of(shape, points, delay_samples, positive=structure == 'liu')
     fit = fit_rational(problem)
     values, transform = _named(structure, fit.sections, shape, problem.reference)
     errors = np.sqrt(np.maximum(
-        np.einsum('ip,pq,iq->i', transform, fit.covariance, transform), 0.0))
+        np.einsum('ip,pq,iq->i', transform, fit.covariance.matrix, transform), 0.0))
     return DynamicsFit(
         structure=structure,
         parameters=DynamicsParameters.from_mapping(values) if structure == 'liu' else None,
@@ -297,7 +297,7 @@ def fit_dynamics(
         points=points.frequency_hz.size,
         _sections=fit.sections,
         _reference_rad_per_s=problem.reference,
-        _covariance=fit.covariance)
+        _covariance=fit.covariance.matrix)
 
 
 def _shape(

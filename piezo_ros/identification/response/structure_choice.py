@@ -1,0 +1,288 @@
+# Copyright 2026 piezo_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The structure of a model chosen by its points: orders, a delay or none, (6) or a smaller model.
+
+Orders grow as long as the Bayesian criterion of `rational_fit` falls; then zeros, poles and the
+delay are taken away one by one as long as it falls further. A narrow resonance that rests on no
+more than the two points beside it is refused. Models of nearly the same criterion are compared on
+points that their fits have not seen (`held_out`), and of equals the smallest is taken. (6) in Liu
+2015 is taken where it explains the points as well as the best one and they determine it.
+"""
+
+import math
+from collections.abc import Iterable, Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from piezo_ros.identification.response.frequency_response import FrequencyResponse
+from piezo_ros.identification.response.rational_fit import (
+    RationalFit,
+    RationalProblem,
+    fit_rational,
+)
+from piezo_ros.identification.response.rational_model import Sections, Shape, sampled_response
+
+__all__ = ['LIU_SHAPE', 'Candidate', 'HeldOut', 'choose_structure', 'held_out', 'shape_of']
+
+LIU_SHAPE = Shape(numerator_order=2, first_order=1, second_order=2)
+_HIGHEST_ORDER = 10
+_PATIENCE = 2  # orders without improvement, after which the search for higher ones ends
+_NEARLY = 10.0  # difference of the criterion that is strong evidence
+_AS_WELL = 1.1  # error of (6) over that of the best model
+_FOLDS = (2, 3, 5)
+
+
+class Candidate(NamedTuple):
+    """A structure that was considered, and its evidence."""
+
+    structure: str  # 'liu' or 'rational'
+    fit: RationalFit
+
+    @property
+    def name(self) -> str:
+        """Orders of numerator and denominator, in words."""
+        shape = self.fit.problem.shape
+        if self.structure == 'liu':
+            return '(6)'
+        return (f'{shape.numerator_order}/{shape.denominator_order}'
+                + (' with delay' if shape.fits_delay else ''))
+
+
+class HeldOut(NamedTuple):
+    """Every point predicted by a fit that has not seen it."""
+
+    predicted: NDArray[np.complex128]  # (N,)
+    deviance: float
+
+    def fit_percent(self, measured: NDArray[np.complex128]) -> float:
+        """Return 100 (1 - ||y - yhat||/||y - mean||) of the points."""
+        spread = float(np.linalg.norm(measured - measured.mean()))
+        missed = float(np.linalg.norm(measured - self.predicted))
+        return 100.0 * (1.0 - missed / spread) if spread > 0.0 else -math.inf
+
+
+def shape_of(numerator_order: int, denominator_order: int, fits_delay: bool = False) -> Shape:
+    """Return the shape of a rational model; pairs may have real poles."""
+    return Shape(
+        numerator_order, denominator_order % 2, denominator_order // 2, fits_delay)
+
+
+def held_out(
+    shape: Shape, points: FrequencyResponse, delay_samples: float, *, positive: bool = False,
+) -> HeldOut | None:
+    """
+    Predict every point by a fit to the others: interleaved parts, each left out once.
+
+    Parameters
+    ----------
+    shape, points, delay_samples, positive
+        As for `RationalProblem.of`.
+
+    Returns
+    -------
+    HeldOut or None
+        None if there are too few points.
+
+    """
+    distinct, number = np.unique(points.frequency_hz, return_inverse=True)
+    for folds in _FOLDS:
+        # As many numbers as parameters twice over; the lowest and highest point remain.
+        if 2 * (distinct.size * (folds - 1)) // folds >= 2 * shape.size:
+            break
+    else:
+        return None
+    predicted = np.zeros(points.frequency_hz.size, dtype=np.complex128)
+    deviance = 0.0
+    for fold in range(folds):
+        left_out = number % folds == fold
+        fitted = fit_rational(RationalProblem.of(
+            shape, points.select(~left_out), delay_samples, positive=positive))
+        tested = fitted.problem.seeing(points.select(left_out))
+        predicted[left_out] = sampled_response(
+            fitted.sections, tested.frequency, tested.sample_period)[0]
+        deviance += fitted.deviance(tested)
+    return HeldOut(predicted, deviance)
+
+
+def choose_structure(
+    points: FrequencyResponse, delay_samples: float = 0.0,
+) -> tuple[Candidate, tuple[Candidate, ...]]:
+    """
+    Return the smallest model that explains the points as well as a larger one.
+
+    Parameters
+    ----------
+    points : FrequencyResponse
+        The points, at least two.
+    delay_samples : float, optional
+        Known delay, in samples.
+
+    Returns
+    -------
+    chosen : Candidate
+        The model.
+    considered : tuple of Candidate
+        Those with which it was compared, best first.
+
+    """
+    search = _Search(points, delay_samples)
+    for fits_delay in (False, True):
+        search.grow(fits_delay)
+    best = search.thinned(search.best)
+    best = search.without_phantoms(best)
+    best = search.smallest_of_equals(best)
+    chosen = Candidate('rational', best)
+    considered = [Candidate('rational', fit) for fit in search.fits.values()]
+    of_six = search.of_six()
+    if of_six is not None:
+        considered.append(Candidate('liu', of_six))
+        if _serves_as_well(of_six, best):
+            chosen = considered[-1]
+    considered.sort(key=lambda candidate: candidate.fit.bayesian_criterion)
+    return chosen, tuple(considered)
+
+
+def _serves_as_well(of_six: RationalFit, best: RationalFit) -> bool:
+    """Return whether (6) explains the points as the best model does, and they determine it."""
+    logarithms = of_six.problem.shape.first_order + 2 * of_six.problem.shape.second_order
+    errors = of_six.covariance.standard_errors(np.eye(of_six.problem.shape.size))
+    if of_six.at_bound.any() or np.any(errors[:logarithms] > 0.5):
+        return False
+    return (
+        of_six.explains or of_six.bayesian_criterion <= best.bayesian_criterion + _NEARLY
+        or of_six.model_error <= _AS_WELL * best.model_error)
+
+
+class _Search:
+    """The fits of one set of points, each made once."""
+
+    def __init__(self, points: FrequencyResponse, delay_samples: float) -> None:
+        self._points = points
+        self._delay_samples = delay_samples
+        self.fits: dict[Shape, RationalFit] = {}
+
+    @property
+    def best(self) -> RationalFit:
+        """The fit of the least criterion."""
+        return min(self.fits.values(), key=_criterion)
+
+    def fit(self, shape: Shape, starts: Iterable[Sections] = ()) -> RationalFit:
+        """Return the fit of a shape."""
+        if shape not in self.fits:
+            self.fits[shape] = fit_rational(
+                RationalProblem.of(shape, self._points, self._delay_samples), tuple(starts))
+        return self.fits[shape]
+
+    def of_six(self) -> RationalFit | None:
+        """Return the fit of (6), if there are points enough."""
+        if not self._is_possible(LIU_SHAPE):
+            return None
+        return fit_rational(RationalProblem.of(
+            LIU_SHAPE, self._points, self._delay_samples, positive=True))
+
+    def grow(self, fits_delay: bool) -> None:
+        """Fit higher and higher orders until the criterion rises."""
+        best, worse = math.inf, 0
+        for order in range(1, _HIGHEST_ORDER + 1):
+            shape = shape_of(order - 1, order, fits_delay)
+            if worse >= _PATIENCE or not self._is_possible(shape):
+                return
+            criterion = self.fit(shape).bayesian_criterion
+            worse = 0 if criterion < best else worse + 1
+            best = min(best, criterion)
+
+    def thinned(self, fit: RationalFit) -> RationalFit:
+        """Return a fit whose criterion no smaller neighbour undercuts."""
+        while True:
+            found = min(
+                (self.fit(shape, starts) for shape, starts in self._smaller(fit)),
+                key=_criterion, default=fit)
+            if _criterion(found) >= _criterion(fit):
+                return fit
+            fit = found
+
+    def without_phantoms(self, fit: RationalFit) -> RationalFit:
+        """Return a fit without narrow resonances that two points alone ask for."""
+        while (masks := list(_narrow_pairs(fit))) and fit.problem.shape.numerator_order >= 2:
+            shape = fit.problem.shape
+            smaller = shape._replace(
+                numerator_order=shape.numerator_order - 2, second_order=shape.second_order - 1)
+            if smaller.denominator_order < 1 or not any(
+                    self._is_phantom(shape, smaller, mask) for mask in masks):
+                return fit
+            fit = self.thinned(self.fit(smaller))
+        return fit
+
+    def smallest_of_equals(self, fit: RationalFit) -> RationalFit:
+        """Return a smaller fit of nearly the same criterion if it predicts unseen points better."""
+        limit = _criterion(fit) + _NEARLY
+        size = fit.problem.shape.size
+        rivals = [
+            other for other in self.fits.values()
+            if other.problem.shape.size < size and _criterion(other) < limit]
+        if not rivals:
+            return fit
+        scores = []
+        for other in (*sorted(rivals, key=_criterion)[:2], fit):
+            unseen = held_out(other.problem.shape, self._points, self._delay_samples)
+            scores.append((unseen.deviance if unseen else _criterion(other), other))
+        return min(scores, key=lambda score: score[0])[1]
+
+    def _is_possible(self, shape: Shape) -> bool:
+        return shape.size <= self._points.frequency_hz.size
+
+    def _smaller(self, fit: RationalFit) -> Iterator[tuple[Shape, list[Sections]]]:
+        """Yield shapes with fewer zeros, poles or no delay, with starts where one is at hand."""
+        zeros, poles = fit.problem.shape.numerator_order, fit.problem.shape.denominator_order
+        delayed = fit.problem.shape.fits_delay
+        steps = [(1, 0), (1, 1), (2, 2), (0, 1), (2, 1)]
+        for fewer_zeros, fewer_poles in steps:
+            n, m = zeros - fewer_zeros, poles - fewer_poles
+            if 0 <= n < m:
+                starts = []
+                if fewer_poles == 0:
+                    starts.append(fit.sections._replace(
+                        numerator=fit.sections.numerator[:n + 1]))
+                yield shape_of(n, m, delayed), starts
+        yield shape_of(zeros, poles, not delayed), [fit.sections]
+
+    def _is_phantom(self, shape: Shape, smaller: Shape, mask: NDArray[np.bool_]) -> bool:
+        others = self._points.select(mask)
+        with_pair, without = (
+            fit_rational(RationalProblem.of(each, others, self._delay_samples))
+            for each in (shape, smaller))
+        return without.bayesian_criterion <= with_pair.bayesian_criterion
+
+
+def _narrow_pairs(fit: RationalFit) -> Iterator[NDArray[np.bool_]]:
+    """Yield, for each pair narrower than the spacing of the points, the points not beside it."""
+    measured = fit.problem.frequency
+    for frequency, damping in zip(
+            np.exp(fit.sections.log_frequency).tolist(), np.exp(fit.sections.log_damping).tolist(),
+            strict=True):
+        after = int(np.searchsorted(measured, frequency))
+        beside = [place for place in (after - 1, after) if 0 <= place < measured.size]
+        spacing = float(np.ptp(measured[beside])) if len(beside) == 2 else 0.0
+        if len(beside) == 2 and damping < 1.0 and 2.0 * damping * frequency < spacing:
+            mask = np.ones(measured.size, dtype=np.bool_)
+            mask[beside] = False
+            yield mask
+
+
+def _criterion(fit: RationalFit) -> float:
+    return fit.bayesian_criterion
