@@ -91,6 +91,21 @@ class Covariance(NamedTuple):
             np.sqrt(variance) * directions[:, known] / singular[known], directions[:, ~known],
             scale)
 
+    @classmethod
+    def of_sample(cls, estimates: NDArray[np.float64]) -> 'Covariance':
+        """
+        Return the covariance of repeated estimates.
+
+        Parameters
+        ----------
+        estimates : ndarray, shape (N, P)
+            At least two.
+
+        """
+        factor = (estimates - estimates.mean(axis=0)).T / np.sqrt(estimates.shape[0] - 1)
+        return cls(
+            factor, np.empty((factor.shape[0], 0)), np.linalg.norm(factor, axis=1))
+
     @property
     def matrix(self) -> NDArray[np.float64]:
         """The covariance of the determined directions, shape (P, P)."""

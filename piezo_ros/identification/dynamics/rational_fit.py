@@ -33,12 +33,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq, least_squares
 
+from piezo_ros.identification.dynamics.linear_starts import linear_starts
+from piezo_ros.identification.dynamics.rational_model import Sections, Shape, sampled_response
 from piezo_ros.identification.estimation.covariance import Covariance
 from piezo_ros.identification.response.frequency_response import FrequencyResponse
-from piezo_ros.identification.response.linear_starts import linear_starts
-from piezo_ros.identification.response.rational_model import Sections, Shape, sampled_response
 
-__all__ = ['FASTEST', 'RationalFit', 'RationalProblem', 'fit_rational']
+__all__ = ['FASTEST', 'RationalFit', 'RationalProblem', 'bootstrapped', 'fit_rational']
 
 FASTEST = 1e3  # over the highest measured frequency: such poles and zeros do not show in the points
 _DAMPING = (1e-4, 1e2)
@@ -222,13 +222,21 @@ class RationalFit(NamedTuple):
         """Whether the noise of the points explains the residual."""
         return self.model_error == 0.0
 
-    @property
-    def bayesian_criterion(self) -> float:
-        """BIC, of which the smallest is best; see the top of this module."""
-        problem = self.problem
-        return self.deviance(problem) + problem.shape.size * math.log(2 * problem.frequency.size)
+    def bayesian_criterion(self, least_error: float = 0.0) -> float:
+        """
+        Return BIC, of which the smallest is best; see the top of this module.
 
-    def deviance(self, points: RationalProblem) -> float:
+        Parameters
+        ----------
+        least_error : float, optional
+            Model error that no structure is believed to fall below.
+
+        """
+        problem = self.problem
+        return (self.deviance(problem, least_error)
+                + problem.shape.size * math.log(2 * problem.frequency.size))
+
+    def deviance(self, points: RationalProblem, least_error: float = 0.0) -> float:
         """
         Return -2 log of the likelihood of points, by this model and its error.
 
@@ -236,10 +244,12 @@ class RationalFit(NamedTuple):
         ----------
         points : RationalProblem
             The points, in the units of `problem`; not necessarily those that were fitted.
+        least_error : float, optional
+            As for `bayesian_criterion`.
 
         """
         value, _ = sampled_response(self.sections, points.frequency, points.sample_period)
-        variance = points.variance + self.model_error**2 * points.power
+        variance = points.variance + max(self.model_error, least_error)**2 * points.power
         return float(2.0 * np.sum(
             np.log(variance) + np.abs(value - points.measured)**2 / variance))
 
@@ -287,6 +297,32 @@ def fit_rational(problem: RationalProblem, starts: Sequence[Sections] = ()) -> R
         # Scaled by the residual: the variances of the points are themselves estimates.
         Covariance.of(best.jacobian, best.squares / degrees),
         _at_bound(problem, best.vector), chi_squared, model_error)
+
+
+def bootstrapped(fit: RationalFit, resamples: int) -> RationalFit:
+    """
+    Return the same fit with the covariance of fits to points that are drawn about its model.
+
+    Parameters
+    ----------
+    fit : RationalFit
+        The fit.
+    resamples : int
+        Number of further fits, at least 2.
+
+    """
+    problem = fit.problem
+    value, _ = sampled_response(fit.sections, problem.frequency, problem.sample_period)
+    degrees = max(2 * problem.frequency.size - problem.shape.size, 1)
+    residual = problem.residual(fit.sections, fit.model_error)
+    size = math.sqrt(float(residual @ residual) / degrees) / problem.weight(fit.model_error)
+    generator = np.random.default_rng(0)  # the same points give the same errors
+    vectors = []
+    for _ in range(resamples):
+        noise = generator.normal(size=value.size) + 1j * generator.normal(size=value.size)
+        drawn = problem._replace(measured=value + size * noise)
+        vectors.append(drawn.refine(fit.sections, fit.model_error).vector)
+    return fit._replace(covariance=Covariance.of_sample(np.array(vectors)))
 
 
 def _at_bound(

@@ -22,19 +22,19 @@ import yaml
 from piezo_ros.control import TrajectoryParameters
 from piezo_ros.control.excitation import multisine, odd_lines
 from piezo_ros.control.excitation import stepped_sine as build_stepped_sine
-from piezo_ros.identification.response.dynamics_fit import fit_dynamics
+from piezo_ros.identification.dynamics.dynamics_fit import fit_dynamics
+from piezo_ros.identification.dynamics.rational_model import (
+    Sections,
+    Shape,
+    polynomials,
+    sampled_response,
+)
 from piezo_ros.identification.response.frequency_response import (
     Amplifier,
     FrequencyResponse,
     frequency_response,
 )
 from piezo_ros.identification.response.offline_excitation import run_excitation_offline
-from piezo_ros.identification.response.rational_model import (
-    Sections,
-    Shape,
-    polynomials,
-    sampled_response,
-)
 from piezo_ros.model import (
     DynamicsParameters,
     LinearDynamics,
@@ -296,9 +296,9 @@ def test_the_trajectory_node_loads_the_parameter_file_unchanged():
         synthetic(frequency, sampled_truth(DynamicsParameters(), frequency), 1e-5))
     text = fit.to_parameter_yaml('bags/dynamics_1\nbags/dynamics_2')
     loaded = yaml.safe_load(text)
-    assert list(loaded) == ['/**/trajectory']
+    assert list(loaded) == ['/**/trajectory', '/**/identified_dynamics']
     parameters = loaded['/**/trajectory']['ros__parameters']
-    assert parameters == {**fit.parameters.to_mapping(), 'model_response': 'sampled'}
+    assert parameters == {**fit.values, 'model_response': 'sampled'}
     assert TrajectoryParameters.from_mapping(parameters).dc_gain == fit.parameters.dc_gain
     assert '# source: bags/dynamics_1' in text
     assert '# source: bags/dynamics_2' in text

@@ -29,21 +29,26 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from piezo_ros.identification.response.frequency_response import FrequencyResponse
-from piezo_ros.identification.response.rational_fit import (
+from piezo_ros.identification.dynamics.named_parameters import parameter_names
+from piezo_ros.identification.dynamics.rational_fit import (
     RationalFit,
     RationalProblem,
     fit_rational,
 )
-from piezo_ros.identification.response.rational_model import Sections, Shape, sampled_response
+from piezo_ros.identification.dynamics.rational_model import Sections, Shape, sampled_response
+from piezo_ros.identification.response.frequency_response import FrequencyResponse
 
-__all__ = ['LIU_SHAPE', 'Candidate', 'HeldOut', 'choose_structure', 'held_out', 'shape_of']
+__all__ = [
+    'LIU_SHAPE', 'Candidate', 'HeldOut', 'choose_structure', 'held_out', 'shape_of',
+    'smallest_as_good', 'undetermined']
 
 LIU_SHAPE = Shape(numerator_order=2, first_order=1, second_order=2)
 _HIGHEST_ORDER = 10
 _PATIENCE = 2  # orders without improvement, after which the search for higher ones ends
 _NEARLY = 10.0  # difference of the criterion that is strong evidence
-_AS_WELL = 1.1  # error of (6) over that of the best model
+_DETERMINED = 0.5  # standard error of a logarithm, up to which a pole counts as determined
+_SAME = 0.01  # relative difference of two models that are equally good where both are large
+_LEAST_ERROR = 1e-3  # no order is added for what the stage does in less than this of its response
 _FOLDS = (2, 3, 5)
 
 
@@ -52,6 +57,11 @@ class Candidate(NamedTuple):
 
     structure: str  # 'liu' or 'rational'
     fit: RationalFit
+
+    @property
+    def criterion(self) -> float:
+        """Bayesian criterion, in which no structure is better than a thousandth."""
+        return _criterion(self.fit)
 
     @property
     def name(self) -> str:
@@ -153,19 +163,59 @@ def choose_structure(
         considered.append(Candidate('liu', of_six))
         if _serves_as_well(of_six, best):
             chosen = considered[-1]
-    considered.sort(key=lambda candidate: candidate.fit.bayesian_criterion)
+    considered.sort(key=lambda candidate: candidate.criterion)
     return chosen, tuple(considered)
+
+
+def smallest_as_good(
+    fit: RationalFit, points: FrequencyResponse, delay_samples: float,
+) -> RationalFit:
+    """
+    Return a model with less zeros and poles than a given one, if its criterion is better.
+
+    Parameters
+    ----------
+    fit : RationalFit
+        The model.
+    points, delay_samples
+        What it was fitted to.
+
+    Returns
+    -------
+    RationalFit
+        The smaller model, or the given one.
+
+    """
+    search = _Search(points, delay_samples)
+    shape = fit.problem.shape
+    # With bounds of its own, (6) is not the best of its shape.
+    search.fits[shape] = fit
+    return search.thinned(fit)
 
 
 def _serves_as_well(of_six: RationalFit, best: RationalFit) -> bool:
     """Return whether (6) explains the points as the best model does, and they determine it."""
-    logarithms = of_six.problem.shape.first_order + 2 * of_six.problem.shape.second_order
-    errors = of_six.covariance.standard_errors(np.eye(of_six.problem.shape.size))
-    if of_six.at_bound.any() or np.any(errors[:logarithms] > 0.5):
+    if of_six.at_bound.any() or undetermined(of_six):
         return False
-    return (
-        of_six.explains or of_six.bayesian_criterion <= best.bayesian_criterion + _NEARLY
-        or of_six.model_error <= _AS_WELL * best.model_error)
+    if (of_six.bayesian_criterion() <= best.bayesian_criterion() + _NEARLY
+            or _criterion(of_six) <= _criterion(best) + _NEARLY):
+        return True
+    # What a larger model explains beyond may be too little to be worth its poles.
+    problem = of_six.problem
+    values = [
+        sampled_response(fit.sections, problem.frequency, problem.sample_period)[0]
+        for fit in (of_six, best)]
+    apart = float(np.max(np.abs(values[0] - values[1]) / np.sqrt(problem.power)))
+    return best.problem.shape.size >= problem.shape.size and apart < _SAME
+
+
+def undetermined(fit: RationalFit) -> list[str]:
+    """Return the poles and damping ratios that the points do not determine, by name."""
+    names = parameter_names(fit.problem.shape)
+    errors = fit.covariance.standard_errors(np.eye(fit.problem.shape.size))
+    return [
+        name for name, error, is_at_bound in zip(names, errors, fit.at_bound, strict=False)
+        if error > _DETERMINED or is_at_bound]
 
 
 class _Search:
@@ -202,7 +252,7 @@ class _Search:
             shape = shape_of(order - 1, order, fits_delay)
             if worse >= _PATIENCE or not self._is_possible(shape):
                 return
-            criterion = self.fit(shape).bayesian_criterion
+            criterion = _criterion(self.fit(shape))
             worse = 0 if criterion < best else worse + 1
             best = min(best, criterion)
 
@@ -266,7 +316,7 @@ class _Search:
         with_pair, without = (
             fit_rational(RationalProblem.of(each, others, self._delay_samples))
             for each in (shape, smaller))
-        return without.bayesian_criterion <= with_pair.bayesian_criterion
+        return _criterion(without) <= _criterion(with_pair)
 
 
 def _narrow_pairs(fit: RationalFit) -> Iterator[NDArray[np.bool_]]:
@@ -285,4 +335,4 @@ def _narrow_pairs(fit: RationalFit) -> Iterator[NDArray[np.bool_]]:
 
 
 def _criterion(fit: RationalFit) -> float:
-    return fit.bayesian_criterion
+    return fit.bayesian_criterion(_LEAST_ERROR)

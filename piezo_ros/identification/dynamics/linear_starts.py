@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import lstsq
 
-from piezo_ros.identification.response.rational_model import Sections, Shape, response
+from piezo_ros.identification.dynamics.rational_model import Sections, Shape, response
 from piezo_ros.identification.estimation.vector_fitting import initial_poles, vector_fitting
 
 __all__ = ['linear_starts', 'with_best_numerator', 'with_poles']
