@@ -87,6 +87,7 @@ __all__ = ['STRUCTURES', 'DynamicsFit', 'fit_dynamics']
 STRUCTURES = ('liu', 'rational', 'auto')
 _HIGHEST_ORDER = 20
 _NORMAL_95 = 1.959964
+_RIVAL = 6.0  # difference of the Bayesian criterion that is weak evidence
 _MOST_CANDIDATES = 5  # that the file names
 
 
@@ -160,7 +161,7 @@ class DynamicsFit:
         return validate(
             self._fit, self._measured, self._delay_samples,
             radius=self.response_confidence_radius(self._measured.frequency_hz),
-            structure=self.structure, is_chosen=bool(self.candidates))
+            structure=self.structure, rivals=self._rivals)
 
     def response(self, frequency_hz: ArrayLike) -> NDArray[np.complex128]:
         """
@@ -327,6 +328,17 @@ class DynamicsFit:
         facts.update(
             (f'{name}_standard_error', error) for name, error in self.standard_errors.items())
         return facts
+
+    @property
+    def _rivals(self) -> list[RationalFit] | None:
+        """Other structures for which there is nearly as much evidence."""
+        if not self.candidates:
+            return None
+        limit = _RIVAL + min(
+            candidate.criterion for candidate in self.candidates if candidate.fit is self._fit)
+        return [
+            candidate.fit for candidate in self.candidates
+            if candidate.fit is not self._fit and candidate.criterion < limit]
 
     @property
     def _quantile(self) -> float:

@@ -28,9 +28,11 @@ from scipy.linalg import lstsq
 from piezo_ros.identification.dynamics.rational_model import Sections, Shape, response
 from piezo_ros.identification.estimation.vector_fitting import initial_poles, vector_fitting
 
-__all__ = ['linear_starts', 'with_best_numerator', 'with_poles']
+__all__ = ['linear_starts', 'with_a_pole_more', 'with_best_numerator', 'with_poles']
 
 _SANATHANAN_KOERNER_ROUNDS = 20
+_EXTRA_RATE = 0.7  # of a pole that is added, over the highest measured frequency
+_ASIDE = 1.05  # of its zero over it
 
 
 def linear_starts(
@@ -150,6 +152,23 @@ def with_best_numerator(
     numerator = lstsq(
         np.vstack([design.real, design.imag]), np.concatenate([right.real, right.imag]))[0]
     return poles._replace(numerator=np.asarray(numerator))
+
+
+def with_a_pole_more(sections: Sections) -> Sections:
+    """Return nearly the same model with one more pole, and a zero a little beside it."""
+    numerator = np.convolve(sections.numerator, [1.0, 1.0 / (_EXTRA_RATE * _ASIDE)])
+    if sections.log_rate.size == 0:
+        return sections._replace(
+            log_rate=np.array([math.log(_EXTRA_RATE)]), numerator=numerator)
+    # Two real poles are a pair of high damping.
+    rate = math.exp(float(sections.log_rate[-1]))
+    frequency = math.sqrt(rate * _EXTRA_RATE)
+    return sections._replace(
+        log_rate=sections.log_rate[:-1],
+        log_frequency=np.append(sections.log_frequency, math.log(frequency)),
+        log_damping=np.append(
+            sections.log_damping, math.log(0.5 * (rate + _EXTRA_RATE) / frequency)),
+        numerator=numerator)
 
 
 def _levy_poles(

@@ -29,6 +29,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from piezo_ros.identification.dynamics.linear_starts import with_a_pole_more
 from piezo_ros.identification.dynamics.named_parameters import parameter_names
 from piezo_ros.identification.dynamics.rational_fit import (
     RationalFit,
@@ -40,13 +41,15 @@ from piezo_ros.identification.response.frequency_response import FrequencyRespon
 
 __all__ = [
     'LIU_SHAPE', 'Candidate', 'HeldOut', 'choose_structure', 'held_out', 'shape_of',
-    'smallest_as_good', 'undetermined']
+    'smallest_as_good', 'too_fast', 'undetermined']
 
 LIU_SHAPE = Shape(numerator_order=2, first_order=1, second_order=2)
 _HIGHEST_ORDER = 10
 _PATIENCE = 2  # orders without improvement, after which the search for higher ones ends
+_SMALL_ERROR = 0.01  # of a model, above which higher orders are tried in any case
 _NEARLY = 10.0  # difference of the criterion that is strong evidence
 _DETERMINED = 0.5  # standard error of a logarithm, up to which a pole counts as determined
+_FAR = 10.0  # over the highest measured frequency: such poles may be out of sight
 _SAME = 0.01  # relative difference of two models that are equally good where both are large
 _LEAST_ERROR = 1e-3  # no order is added for what the stage does in less than this of its response
 _FOLDS = (2, 3, 5)
@@ -151,9 +154,8 @@ def choose_structure(
 
     """
     search = _Search(points, delay_samples)
-    for fits_delay in (False, True):
-        search.grow(fits_delay)
-    best = search.thinned(search.best)
+    best = min(
+        (search.thinned(search.grow(fits_delay)) for fits_delay in (False, True)), key=_criterion)
     best = search.without_phantoms(best)
     best = search.smallest_of_equals(best)
     chosen = Candidate('rational', best)
@@ -195,7 +197,7 @@ def smallest_as_good(
 
 def _serves_as_well(of_six: RationalFit, best: RationalFit) -> bool:
     """Return whether (6) explains the points as the best model does, and they determine it."""
-    if of_six.at_bound.any() or undetermined(of_six):
+    if of_six.at_bound.any() or undetermined(of_six) or too_fast(of_six):
         return False
     if (of_six.bayesian_criterion() <= best.bayesian_criterion() + _NEARLY
             or _criterion(of_six) <= _criterion(best) + _NEARLY):
@@ -213,9 +215,24 @@ def undetermined(fit: RationalFit) -> list[str]:
     """Return the poles and damping ratios that the points do not determine, by name."""
     names = parameter_names(fit.problem.shape)
     errors = fit.covariance.standard_errors(np.eye(fit.problem.shape.size))
+    distant = too_fast(fit)
     return [
         name for name, error, is_at_bound in zip(names, errors, fit.at_bound, strict=False)
-        if error > _DETERMINED or is_at_bound]
+        if (error > _DETERMINED or is_at_bound) and name not in distant]
+
+
+def too_fast(fit: RationalFit) -> list[str]:
+    """Return the poles so far above the points that these only say that they are fast, by name."""
+    corners = np.exp([*fit.sections.log_rate, *fit.sections.log_frequency])
+    names = parameter_names(fit.problem.shape)
+    errors = fit.covariance.standard_errors(np.eye(fit.problem.shape.size))
+    found = []
+    for place in np.flatnonzero(corners > _FAR).tolist():
+        if errors[place] > _DETERMINED or fit.at_bound[place]:
+            found.append(names[place])
+            if place >= fit.problem.shape.first_order:
+                found.append(names[place + fit.problem.shape.second_order])
+    return found
 
 
 class _Search:
@@ -225,11 +242,6 @@ class _Search:
         self._points = points
         self._delay_samples = delay_samples
         self.fits: dict[Shape, RationalFit] = {}
-
-    @property
-    def best(self) -> RationalFit:
-        """The fit of the least criterion."""
-        return min(self.fits.values(), key=_criterion)
 
     def fit(self, shape: Shape, starts: Iterable[Sections] = ()) -> RationalFit:
         """Return the fit of a shape."""
@@ -245,16 +257,22 @@ class _Search:
         return fit_rational(RationalProblem.of(
             LIU_SHAPE, self._points, self._delay_samples, positive=True))
 
-    def grow(self, fits_delay: bool) -> None:
-        """Fit higher and higher orders until the criterion rises."""
-        best, worse = math.inf, 0
-        for order in range(1, _HIGHEST_ORDER + 1):
+    def grow(self, fits_delay: bool) -> RationalFit:
+        """Fit higher and higher orders until the criterion rises; return the best one."""
+        best = self.fit(shape_of(0, 1, fits_delay))
+        worse, before = 0, best
+        for order in range(2, _HIGHEST_ORDER + 1):
+            # Of several modes, one alone may explain no more than none: the search goes on.
+            if worse >= _PATIENCE and best.model_error < _SMALL_ERROR:
+                break
             shape = shape_of(order - 1, order, fits_delay)
-            if worse >= _PATIENCE or not self._is_possible(shape):
-                return
-            criterion = _criterion(self.fit(shape))
-            worse = 0 if criterion < best else worse + 1
-            best = min(best, criterion)
+            if not self._is_possible(shape):
+                break
+            found = self.fit(shape, [] if before.explains else [with_a_pole_more(before.sections)])
+            worse = 0 if _criterion(found) < _criterion(best) else worse + 1
+            best = min(best, found, key=_criterion)
+            before = found
+        return best
 
     def thinned(self, fit: RationalFit) -> RationalFit:
         """Return a fit whose criterion no smaller neighbour undercuts."""

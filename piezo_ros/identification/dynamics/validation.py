@@ -17,8 +17,8 @@ How far a fitted model may be trusted: by points that its fit has not seen, and 
 
 A model agrees with the points where magnitude and phase differ by no more than 3 % and 2 degrees,
 beyond three standard errors of the noise, point by point and in means over 3 and 7 neighbours, and
-where its own 95 % region is as small. It is usable up to the frequency below the first one where it
-does not agree. With r_k the residuals in the order of frequency, over their standard errors,
+where its own 95 % region is as small and other structures of nearly the same evidence agree. It is
+usable up to the frequency below the first one where it does not agree. With r_k the residuals in the order of frequency, over their standard errors,
 
     correlation = Re sum_k r_k conj(r_{k+1}) / sum_k |r_k|^2,   standard error 1/sqrt(2 N)
 
@@ -26,6 +26,7 @@ is 0 for the noise of the points, and positive where the structure is wrong.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -41,6 +42,7 @@ from piezo_ros.identification.dynamics.rational_model import sampled_response
 from piezo_ros.identification.dynamics.structure_choice import (
     held_out,
     smallest_as_good,
+    too_fast,
     undetermined,
 )
 from piezo_ros.identification.response.frequency_response import FrequencyResponse
@@ -95,7 +97,8 @@ class Validation:
 
 def validate(
     fit: RationalFit, points: FrequencyResponse, delay_samples: float, *,
-    radius: NDArray[np.float64], structure: str, is_chosen: bool,
+    radius: NDArray[np.float64], structure: str,
+    rivals: Sequence[RationalFit] | None = None,
 ) -> Validation:
     """
     Judge a fit.
@@ -112,8 +115,9 @@ def validate(
         Of the 95 % region of the model at the points.
     structure : str
         ``'liu'`` for (6), else ``'rational'``.
-    is_chosen : bool
-        Whether the structure was chosen among smaller ones too.
+    rivals : sequence of RationalFit, optional
+        Other structures with which this one was compared, of nearly the same evidence; None where
+        the structure was given.
 
     """
     problem = fit.problem
@@ -123,7 +127,7 @@ def validate(
     correlation = float(
         np.sum(error[:-1] * error[1:].conj()).real / max(np.sum(np.abs(error)**2), 1e-300))
     white = abs(correlation) * math.sqrt(2.0 * error.size) < _WHITE
-    usable = _usable_to_hz(points, value, radius)
+    usable = _usable_to_hz(points, value, radius, rivals or ())
     beyond = np.maximum(
         np.abs(points.response - value) - _NOISE_ERRORS * points.standard_error, 0.0)
     misfit = beyond / np.abs(value)
@@ -134,7 +138,7 @@ def validate(
     top = float(points.frequency_hz[-1])
     poor = [
         *_misfit_reasons(fit, percent, usable, points),
-        *(() if is_chosen else _surplus_reasons(fit, points, delay_samples, structure)),
+        *(() if rivals is not None else _surplus_reasons(fit, points, delay_samples, structure)),
         *_lead_reasons(fit, points, delay_samples)]
     remarks = _remarks(fit, white)
     if poor:
@@ -150,12 +154,18 @@ def validate(
 
 def _usable_to_hz(
     points: FrequencyResponse, value: NDArray[np.complex128], radius: NDArray[np.float64],
+    rivals: Sequence[RationalFit],
 ) -> float:
     """Return the frequency below the first one where model and points do not agree."""
     size = np.abs(value)
     relative = points.response / value - 1.0
     information = (size / np.maximum(points.standard_error, 1e-12 * size))**2
     fails = radius > _MAGNITUDE * size
+    for rival in rivals:
+        other, _ = sampled_response(
+            rival.sections, rival.problem.frequency, rival.problem.sample_period)
+        apart = other / value - 1.0
+        fails |= (np.abs(apart.real) > _MAGNITUDE) | (np.abs(apart.imag) > _PHASE)
     for count in _NEIGHBOURS:
         if count > size.size:
             break
@@ -238,13 +248,16 @@ def _lead_reasons(
 
 def _remarks(fit: RationalFit, white: bool) -> list[str]:
     remarks = []
-    if not fit.explains:
+    if not fit.explains and fit.model_error <= _POOR_ERROR:
         remarks.append(
             f'the structure misses the points by {100 * fit.model_error:.2g} % beyond their noise, '
             'standard errors are those of the nearest model of this structure')
-    elif not white:
+    elif fit.explains and not white:
         remarks.append('the residuals of neighbouring frequencies are correlated')
     names = undetermined(fit)
     if names:
         remarks.append(f'not determined: {", ".join(names)}')
+    fast = too_fast(fit)
+    if fast:
+        remarks.append(f'too far above the measured frequencies to be determined: {", ".join(fast)}')
     return remarks
