@@ -101,7 +101,8 @@ class DynamicsFit:
     structure : str
         ``'liu'`` for (6), else ``'rational'``; with ``structure='auto'`` what was chosen.
     parameters : DynamicsParameters or None
-        The parameters of (6); None for another structure.
+        The model for rig and nodes, the parameters of (6) or sections; None where these cannot
+        express it, as of a model of negative dc gain.
     values, standard_errors : mapping of str to float
         Every fitted parameter by name and its standard error, from the residual of the points;
         infinite where the points do not determine the parameter, or it ended at a bound.
@@ -276,19 +277,20 @@ class DynamicsFit:
         """
         notes = {}
         parameters: dict[str, Fact] = {}
-        if self.parameters is not None:
+        if self.structure == 'liu':
             title = 'Linear dynamics (6) identified by piezo_ros.'
-            fields = self.parameters.__dataclass_fields__
             parameters.update(self.values)
             for name, error in self.standard_errors.items():
-                unit = constraint_of(fields[name]).unit
+                unit = constraint_of(DynamicsParameters.__dataclass_fields__[name]).unit
                 notes[name] = f'standard error {error:.3g} {unit}'.rstrip()
         else:
             title = 'Linear dynamics of orders {} {} identified by piezo_ros.'.format(*self.orders)
-            parameters['dynamics'] = 'sections'
-            parameters.update(section_lists(self._fit.sections, self._fit.problem.reference))
+            parameters.update(
+                (name, value) for name, value in _as_sections(self._fit).items() if value != [])
         if self.delay_s > 0.0:
             parameters['delay_s'] = self.delay_s
+        parameters['hysteresis_place'] = 'undecided'
+        notes['hysteresis_place'] = 'one response does not say which poles are before it'
         parameters['model_response'] = 'sampled'
         notes['model_response'] = 'what was fitted has the hold in it'
         return dynamics_yaml(
@@ -438,9 +440,7 @@ def fit_dynamics(
     delay_s = fit.sections.delay / problem.reference
     return DynamicsFit(
         structure=structure,
-        parameters=(
-            DynamicsParameters.among({**values, 'delay_s': delay_s}) if structure == 'liu'
-            else None),
+        parameters=_parameters(structure, fit, values, delay_s),
         values=values,
         standard_errors=dict(zip(values, errors.tolist(), strict=True)),
         delay_s=delay_s,
@@ -455,13 +455,32 @@ def fit_dynamics(
         _delay_samples=delay_samples)
 
 
+def _as_sections(fit: RationalFit) -> dict[str, Fact]:
+    """Return a model in the lists of ``dynamics: sections``, all behind the hysteresis."""
+    return {
+        'dynamics': 'sections', **section_lists(fit.sections, fit.problem.reference),
+        'pairs_before_hysteresis': 0}
+
+
+def _parameters(
+    structure: str, fit: RationalFit, values: Mapping[str, float], delay_s: float,
+) -> DynamicsParameters | None:
+    common = {'delay_s': delay_s, 'hysteresis_place': 'undecided'}
+    if structure == 'liu':
+        return DynamicsParameters.from_mapping({**values, **common})
+    try:
+        return DynamicsParameters.from_mapping({**_as_sections(fit), **common})
+    except ValueError:
+        return None
+
+
 def _fit_of_six(points: FrequencyResponse, delay_samples: float) -> RationalFit:
     """Fit (6) with parameters in the ranges that the nodes take."""
     for fastest in (FASTEST, 1e-1 * FASTEST, 1e-2 * FASTEST):
         fit = fit_rational(RationalProblem.of(
             LIU_SHAPE, points, delay_samples, positive=True, fastest=fastest))
         try:
-            DynamicsParameters.among(named_liu(fit.sections, fit.problem.reference)[0])
+            DynamicsParameters.from_mapping(named_liu(fit.sections, fit.problem.reference)[0])
         except ParameterError as error:
             refused = error
             continue

@@ -29,7 +29,8 @@ from piezo_ros.identification.dynamics.rational_model import Sections, Shape
 
 __all__ = ['named_liu', 'named_rational', 'parameter_names', 'section_lists']
 
-_NOT_SEEN = 1e4  # over the highest measured frequency: such zeros are rounding
+_NOT_SEEN = 1e4  # over the highest measured frequency: such poles and zeros are rounding
+_FASTEST_RAD_PER_S = 1e9  # that the nodes take
 _REAL = 1e-9  # imaginary part over size: below it, a root is real
 
 
@@ -169,7 +170,9 @@ def section_lists(
         else:
             apart = damping + math.sqrt(damping * damping - 1.0)
             rates += [frequency / apart, frequency * apart]
-    zero_rates, zero_pairs = _factors(sections.numerator)
+    fastest = min(_NOT_SEEN, _FASTEST_RAD_PER_S / reference)
+    rates = [min(rate, fastest) for rate in rates]
+    zero_rates, zero_pairs = _factors(sections.numerator, fastest)
     lists = {
         'pole_rates_rad_per_s': sorted(rates),
         'pole_frequencies_rad_per_s': [frequency for frequency, _ in sorted(pairs)],
@@ -184,11 +187,11 @@ def section_lists(
 
 
 def _factors(
-    numerator: NDArray[np.float64],
+    numerator: NDArray[np.float64], fastest: float,
 ) -> tuple[list[float], list[tuple[float, float]]]:
     """Return the rates of the real zeros, and frequency and damping of the pairs."""
     roots = np.roots(np.trim_zeros(numerator[::-1], 'f'))
-    roots = roots[np.abs(roots) < _NOT_SEEN]
+    roots = roots[np.abs(roots) < fastest]
     real = np.abs(roots.imag) <= _REAL * np.abs(roots)
     pairs = roots[~real & (roots.imag > 0.0)]
     return (

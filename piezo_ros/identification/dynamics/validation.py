@@ -18,7 +18,8 @@ How far a fitted model may be trusted: by points that its fit has not seen, and 
 A model agrees with the points where magnitude and phase differ by no more than 3 % and 2 degrees,
 beyond three standard errors of the noise, point by point and in means over 3 and 7 neighbours, and
 where its own 95 % region is as small and other structures of nearly the same evidence agree. It is
-usable up to the frequency below the first one where it does not agree. With r_k the residuals in the order of frequency, over their standard errors,
+usable up to the frequency below the first one where it does not agree. With r_k the residuals in
+the order of frequency, over their standard errors,
 
     correlation = Re sum_k r_k conj(r_{k+1}) / sum_k |r_k|^2,   standard error 1/sqrt(2 N)
 
@@ -164,8 +165,8 @@ def _usable_to_hz(
     for rival in rivals:
         other, _ = sampled_response(
             rival.sections, rival.problem.frequency, rival.problem.sample_period)
-        apart = other / value - 1.0
-        fails |= (np.abs(apart.real) > _MAGNITUDE) | (np.abs(apart.imag) > _PHASE)
+        ratio = other / value - 1.0
+        fails |= (np.abs(ratio.real) > _MAGNITUDE) | (np.abs(ratio.imag) > _PHASE)
     for count in _NEIGHBOURS:
         if count > size.size:
             break
@@ -259,5 +260,5 @@ def _remarks(fit: RationalFit, white: bool) -> list[str]:
         remarks.append(f'not determined: {", ".join(names)}')
     fast = too_fast(fit)
     if fast:
-        remarks.append(f'too far above the measured frequencies to be determined: {", ".join(fast)}')
+        remarks.append(f'too fast for the points to determine: {", ".join(fast)}')
     return remarks
