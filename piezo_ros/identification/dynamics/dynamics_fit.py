@@ -476,7 +476,7 @@ def _parameters(
 
 def _fit_of_six(points: FrequencyResponse, delay_samples: float) -> RationalFit:
     """Fit (6) with parameters in the ranges that the nodes take."""
-    for fastest in (FASTEST, 1e-1 * FASTEST, 1e-2 * FASTEST):
+    for fastest in (FASTEST, 1e-1 * FASTEST, 1e-2 * FASTEST, 1e-3 * FASTEST):
         fit = fit_rational(RationalProblem.of(
             LIU_SHAPE, points, delay_samples, positive=True, fastest=fastest))
         try:

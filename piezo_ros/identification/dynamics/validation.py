@@ -54,6 +54,7 @@ __all__ = ['Validation', 'validate']
 _MAGNITUDE: Final = 0.03
 _PHASE: Final = math.radians(2.0)
 _NOISE_ERRORS: Final = 3.0
+_AT_ALL: Final = 1.5  # radius of a region at all frequencies together over that at one
 _NEIGHBOURS: Final = (1, 3, 7)
 _WHITE: Final = 3.0  # standard errors of the correlation
 _POOR_ERROR: Final = 0.03  # model error, over the geometric mean of the response and its maximum
@@ -161,7 +162,7 @@ def _usable_to_hz(
     size = np.abs(value)
     relative = points.response / value - 1.0
     information = (size / np.maximum(points.standard_error, 1e-12 * size))**2
-    fails = radius > _MAGNITUDE * size
+    fails = _AT_ALL * radius > _MAGNITUDE * size
     for rival in rivals:
         other, _ = sampled_response(
             rival.sections, rival.problem.frequency, rival.problem.sample_period)
