@@ -72,7 +72,9 @@ def _make(options: argparse.Namespace, runs: list[Run]) -> Identified:
     _print(fit)
     table = options.output.with_suffix(TABLE_SUFFIX)
     files = {
-        options.output: fit.to_parameter_yaml(source(runs), points_file=table.name),
+        options.output: fit.to_parameter_yaml(source(runs), {
+            'points_file': table.name, 'samples_used': sum(run.samples for run in runs),
+            'losses': '; '.join(loss for run in runs for loss in run.lost)}),
         table: response_csv(response)}
     return Identified(
         with_picture(files, options, 'fitted_response_figure', response, fit),

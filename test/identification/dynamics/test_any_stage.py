@@ -106,7 +106,7 @@ def test_d4_a_resonance_that_one_point_alone_asks_for_is_refused():
 def test_d5_the_facts_of_a_fit_stand_in_the_file():
     stage = STAGES['antiresonance']
     fit = fit_dynamics(measured(stage, BAND_HZ, TS, 1e-3), **orders_of('antiresonance'))
-    facts = yaml.safe_load(fit.to_parameter_yaml('a bag', points_file='points.csv'))[
+    facts = yaml.safe_load(fit.to_parameter_yaml('a bag', {'points_file': 'points.csv'}))[
         '/**/identified_dynamics']['ros__parameters']
     assert facts['verdict'] == 'good'
     assert facts['points_file'] == 'points.csv'
@@ -124,6 +124,14 @@ def test_d5_a_model_that_misses_its_points_is_not_to_be_trusted():
     assert verdict.is_poor
     assert 'the model misses the points by' in str(verdict)
     assert fit.validation.usable_to_hz < 700.0
+
+
+def test_a_resonance_between_two_points_limits_what_the_model_is_usable_for():
+    stage = STAGES['two close modes']
+    few = measured(stage, np.geomspace(17.0, 2600.0, 25), TS, 2e-3)
+    fit = fit_dynamics(few, **orders_of('two close modes'))
+    assert fit.validation.usable_to_hz < 880.0
+    assert_usable_as_far_as_it_says(fit, stage, TS)
 
 
 def test_d5_a_displacement_that_is_ahead_of_its_command_is_told():
