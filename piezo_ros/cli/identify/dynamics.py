@@ -50,7 +50,7 @@ def add_kind(kinds: Any) -> None:
         'as well as the best model, else the smallest that does (default)')
     kind.add_argument(
         '--orders', type=int, nargs=2, metavar=('NUM', 'DEN'),
-        help='fit a stable rational G(s) of these orders')
+        help='fit a stable rational G(s) of these orders; NUM below DEN')
     kind.add_argument(
         '--delay-samples', type=float, default=0.0, metavar='D', help='known delay (default: 0)')
     kind.add_argument(
