@@ -32,7 +32,7 @@ RUN = $(if $(shell ls $(VENV)/.no-ros 2> /dev/null),simulate,run)
 TELL = @cat $(VENV)/.no-ros 2> /dev/null || true
 
 .DEFAULT_GOAL := help
-.PHONY: help demo paper bench test test-slow test-matrix coverage lint docs clean
+.PHONY: help demo paper bench test test-slow test-matrix coverage lint docs outputs clean
 
 help:  ## this list
 	@sed -nE 's/^([a-z-]+):.*## (.*)/make \1|\2/p' Makefile | awk -F'|' '{printf "  %-18s%s\n", $$1, $$2}'
@@ -77,6 +77,9 @@ lint: $(TEST_READY)  ## style, types and tiers alone
 
 docs: $(DEMO_READY)  ## print docs/parameters.md and docs/launch.md from the code
 	$(BIN)/python -m piezo_ros.reference_pages docs
+
+outputs: $(DEMO_READY)  ## print what docs/your-own-stage.md shows, by the commands that it names
+	$(BIN)/python test/support/printed_outputs.py
 
 clean:  ## remove .venv and .matrix, what was built and what tools cached; out/ stays
 	rm -rf $(VENV) .matrix build dist install log *.egg-info

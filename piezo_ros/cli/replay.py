@@ -17,12 +17,13 @@
 import argparse
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 from piezo_ros.bag import BagError, read
 from piezo_ros.cli.bag_options import add_bag_options, bag_options
 from piezo_ros.control import SCHEMES, ControllerParameters
 from piezo_ros.model import (
+    DynamicsParameters,
     HysteresisParameters,
     ParameterSet,
     RigParameters,
@@ -40,8 +41,11 @@ _EXAMPLES: Final = """\
 examples:
   piezo replay out/demo/bags/000_fb_triangle_1um_300hz --scheme fbff
   piezo replay out/demo/bags/002_fbff_triangle_1um_300hz --controller tuned.yaml
+  piezo replay recording --controller tuned.yaml --compensator compensator.yaml \
+      --trajectory trajectory.yaml --plant data_sheet.yaml
 """
 _PERCENT: Final = 100.0
+_Set = TypeVar('_Set', bound=ParameterSet)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -51,6 +55,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     for node in ('controller', 'compensator', 'plant'):
         parser.add_argument(
             f'--{node}', type=Path, metavar='FILE', help=f'another {node} (parameter file)')
+    parser.add_argument(
+        '--trajectory', type=Path, metavar='FILE',
+        help='dynamics of a rig of which neither bag nor --plant tells them; its hysteresis is '
+        'that of --compensator then')
     parser.add_argument('--scheme', choices=SCHEMES, help='another scheme')
     add_bag_options(parser)
     parser.set_defaults(function=_replay)
@@ -64,8 +72,11 @@ def _replay(options: argparse.Namespace) -> int:
             run, scheme=options.scheme,
             controller=_replaced(options.controller, 'controller', ControllerParameters),
             compensator=_replaced(options.compensator, 'compensator', HysteresisParameters),
-            plant=_replaced(options.plant, 'plant', RigParameters))
+            plant=_replaced(options.plant, 'plant', RigParameters),
+            hysteresis=_model(options.compensator, 'compensator', HysteresisParameters),
+            dynamics=_model(options.trajectory, 'trajectory', DynamicsParameters))
         print(_table(result))
+        print(_origins(result, options))
     except (BagError, PlanError, ValueError) as error:
         print(f'piezo: {error}', file=sys.stderr)
         return 1
@@ -110,3 +121,23 @@ def _replaced(
         raise PlanError(f'{path} has no section for {node}')
     known = parameter_set.names()
     return {name: value for name, value in sections[node].items() if name in known}
+
+
+def _model(path: Path | None, node: str, parameter_set: type[_Set]) -> _Set | None:
+    """Return the model in a file, None where it does not tell the whole of it."""
+    from piezo_ros.experiment.replay import missing_of_model
+    values = _replaced(path, node, parameter_set)
+    if values is None or missing_of_model(values, parameter_set):
+        return None
+    return parameter_set.from_mapping(values)
+
+
+def _origins(result: 'ReplayResult', options: argparse.Namespace) -> str:
+    """Return where the parts of the rig are from."""
+    files = {
+        'bag': 'the bag', 'plant': f'{options.plant} (--plant)'}
+    models = {
+        'hysteresis': f'{options.compensator} (--compensator)',
+        'dynamics': f'{options.trajectory} (--trajectory)'}
+    return 'rig: ' + ', '.join(
+        f'{part} of {files.get(origin, models[part])}' for part, origin in result.origins.items())

@@ -54,7 +54,7 @@ __all__ = [
 _MEAN_SQUARE: Final = {'triangle': 1.0 / 3.0, 'sine': 0.5}
 PERIODIC: Final = tuple(_MEAN_SQUARE)
 # Of the dc gain: what is less can hardly be inverted, and its model is a guess.
-_LEAST_GAIN: Final = 1e-4
+_LEAST_GAIN: Final = 1e-6
 _USUAL_HARMONICS: Final = 9
 
 

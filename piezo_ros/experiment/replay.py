@@ -16,12 +16,14 @@
 What a recorded run would have been with other gains, another compensator, another scheme.
 
 The recorded reference and feedforward drive the loop again, through the nodes that the bag's
-parameters describe; what is not replaced gives the recorded bits.
+parameters describe; what is not replaced gives the recorded bits. A rig is known by its data sheet,
+its hysteresis and its dynamics: what of these neither the bag nor the caller tells is named and
+refused, since the defaults are those of one stage, that of the paper.
 """
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, fields
-from typing import Any, TypeVar
+from typing import Any, Final, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,9 +34,22 @@ from piezo_ros.control import ClosedLoopRun, ControllerParameters, TrajectoryPar
 from piezo_ros.control.changes import Change, parse_changes, segments, without
 from piezo_ros.control.closed_loop import run_loop
 from piezo_ros.control.trajectory_blocks import trajectory_blocks
-from piezo_ros.model import HysteresisParameters, ParameterError, ParameterSet, RigParameters
+from piezo_ros.model import (
+    DynamicsParameters,
+    HysteresisParameters,
+    ParameterError,
+    ParameterSet,
+    RigParameters,
+)
 
-__all__ = ['ReplayResult', 'replay']
+__all__ = ['ReplayResult', 'missing_of_model', 'replay']
+
+_HYSTERESIS: Final = ('kappa_um_per_v', 'saturation_v')
+_DYNAMICS: Final = (
+    'gain_k_rad3_per_s3', 'zero_b1_rad_per_s', 'zero_b2_rad2_per_s2', 'time_constant_s',
+    'damping_ratio_1', 'natural_frequency_1_rad_per_s', 'damping_ratio_2',
+    'natural_frequency_2_rad_per_s')
+_GAINS: Final = ('proportional_gain', 'integral_gain_per_s')
 
 _Set = TypeVar('_Set', bound=ParameterSet)
 _Floats = NDArray[np.float64]
@@ -61,6 +76,9 @@ class ReplayResult:
         What was given instead of taken from the bag.
     assumed : mapping of str to tuple of str
         Node to its parameters that the bag lacks: their defaults were taken.
+    origins : mapping of str to str
+        ``'hysteresis'`` and ``'dynamics'`` of the rig to where they are from: ``'bag'``,
+        ``'plant'`` or ``'model'``.
     same_samples : mapping of str to int
         Recorded stream to the number of samples, from the first on, that the same loop without
         anything overridden gives bit for bit; empty where the bag does not tell all nodes. Less
@@ -76,6 +94,7 @@ class ReplayResult:
     overridden: tuple[str, ...]
     assumed: Mapping[str, tuple[str, ...]]
     same_samples: Mapping[str, int]
+    origins: Mapping[str, str]
 
     @property
     def is_faithful(self) -> bool:
@@ -92,6 +111,8 @@ def replay(
     compensator: HysteresisParameters | Mapping[str, Any] | None = None,
     scheme: str | None = None,
     plant: RigParameters | Mapping[str, Any] | None = None,
+    hysteresis: HysteresisParameters | None = None,
+    dynamics: DynamicsParameters | None = None,
 ) -> ReplayResult:
     """
     Simulate a recorded run again, with some of its nodes replaced.
@@ -110,6 +131,10 @@ def replay(
         Another scheme, whatever the controller's own.
     plant : RigParameters or mapping, optional
         The rig; needed where the bag tells of none, as one of a real stage or of another recorder.
+    hysteresis : HysteresisParameters, optional
+        Identified hysteresis of the rig, taken where neither bag nor plant tells it.
+    dynamics : DynamicsParameters, optional
+        Identified dynamics of the rig, taken likewise.
 
     Returns
     -------
@@ -120,7 +145,7 @@ def replay(
     ------
     BagError
         If the bag does not begin with the run, lacks the reference, tells nothing of a node that
-        is not given, or of several nodes with the same role.
+        is not given or only a part of what describes it, or of several nodes with the same role.
     ParameterError
         If a parameter of the bag or the scheme is out of range.
 
@@ -136,10 +161,13 @@ def replay(
         'controller', _replaced(own_controller, controller, ControllerParameters))
     inverted = recorded.required(
         'compensator', _replaced(own_compensator, compensator, HysteresisParameters))
-    rig = recorded.required('plant', _replaced(own_plant, plant, RigParameters))
+    recorded.refuse_defaults('compensator', compensator, HysteresisParameters, _HYSTERESIS)
+    rig, origins = _rig(recorded, own_plant, plant, hysteresis, dynamics)
     if scheme is not None:
         law = law.replaced(scheme=scheme)
         given['scheme'] = law
+    if law.uses_feedback:
+        recorded.refuse_defaults('controller', controller, ControllerParameters, _GAINS)
     own_changes = recorded.changes()
     changes = without(own_changes, _given_of(controller, scheme))
     needed = any(
@@ -168,7 +196,55 @@ def replay(
         assumed={
             node: names for node, names in recorded.assumed.items()
             if not isinstance(given[node], ParameterSet)},
-        same_samples=same)
+        same_samples=same, origins=origins)
+
+
+def missing_of_model(values: Mapping[str, Any], parameter_set: type[ParameterSet]) -> list[str]:
+    """
+    Return the parameters without which a model is another stage's.
+
+    Parameters
+    ----------
+    values : mapping of str to value
+        What is told.
+    parameter_set : type of ParameterSet
+        `HysteresisParameters` or `DynamicsParameters`.
+
+    """
+    names: tuple[str, ...] = _HYSTERESIS
+    if parameter_set is DynamicsParameters:
+        # Lists of sections are checked together when they are taken.
+        names = () if values.get('dynamics', 'liu') == 'sections' else _DYNAMICS
+    return [name for name in names if name not in values]
+
+
+def _rig(
+    recorded: '_Recorded', own: RigParameters | None,
+    given: RigParameters | Mapping[str, Any] | None, hysteresis: HysteresisParameters | None,
+    dynamics: DynamicsParameters | None,
+) -> tuple[RigParameters, dict[str, str]]:
+    """Return the rig, and where its hysteresis and its dynamics are from."""
+    if isinstance(given, RigParameters):
+        return given, dict.fromkeys(('hysteresis', 'dynamics'), 'plant')
+    if given is None:
+        recorded.required('plant', own)
+    told = recorded.told('plant', RigParameters)
+    values, origins = {**told, **(given or {})}, {}
+    for part, parameter_set, model in (
+        ('hysteresis', HysteresisParameters, hysteresis),
+        ('dynamics', DynamicsParameters, dynamics),
+    ):
+        missing = missing_of_model(values, parameter_set)
+        origins[part] = 'plant' if set(parameter_set.names()) & set(given or {}) else 'bag'
+        if missing and model is None:
+            raise BagError(
+                f'{recorded.path}: the {part} of the rig is not known, neither the bag nor the '
+                f'plant that is given tells {", ".join(missing)}; it must be given, as '
+                'identification writes it')
+        if missing and model is not None:
+            values.update({name: getattr(model, name) for name in parameter_set.names()})
+            origins[part] = 'model'
+    return RigParameters.from_mapping(values), origins
 
 
 class _Recorded:
@@ -176,11 +252,17 @@ class _Recorded:
 
     def __init__(self, run: Run) -> None:
         self._run = run
+        self.path = run.path
         self.assumed: dict[str, tuple[str, ...]] = {}
 
     def parameters(self, node: str) -> dict[str, Any] | None:
         """Return what the bag tells of a node in the namespace of the run."""
         return recorded_node(self._run, node)
+
+    def told(self, node: str, kind: type[ParameterSet]) -> dict[str, Any]:
+        """Return what the bag tells of a node, of the parameters of one set."""
+        values = self.parameters(node) or {}
+        return {name: values[name] for name in kind.names() if name in values}
 
     def node(self, node: str, kind: type[_Set]) -> _Set | None:
         """Return the parameters of a node, else defaults; None if the bag tells nothing of it."""
@@ -197,6 +279,20 @@ class _Recorded:
             return kind.from_mapping({name: values[name] for name in names if name in values})
         except ParameterError as error:
             raise ParameterError(f'{self._run.path}: {node}: {error}') from None
+
+    def refuse_defaults(
+        self, node: str, given: ParameterSet | Mapping[str, Any] | None,
+        kind: type[ParameterSet], needed: Collection[str],
+    ) -> None:
+        """Refuse a node of which parameters without a sensible default are told nowhere."""
+        if isinstance(given, ParameterSet):
+            return
+        told = {**self.told(node, kind), **(given or {})}
+        missing = [name for name in needed if name not in told]
+        if missing:
+            raise BagError(
+                f'{self.path}: neither the bag nor the {node} that is given tells '
+                f'{", ".join(missing)}; it must be given')
 
     def changes(self) -> tuple[Change, ...]:
         """Return the changes of gains and scheme during the run."""

@@ -137,6 +137,25 @@ def test_a_bag_that_does_not_tell_its_nodes_needs_them_as_files(bag, tmp_path, r
     assert table(out)['recorded'] == table(out)['replayed']
 
 
+def test_d10_what_the_data_sheet_does_not_tell_comes_from_the_models_and_is_named(
+        bag, tmp_path, replay):
+    own = read(bag).parameters
+    foreign = write_again(bag, tmp_path / 'foreign', parameters=False)
+    files = {
+        node: parameter_file(tmp_path / f'{node}.yaml', node, **own[f'/{node}'])
+        for node in ('controller', 'compensator', 'trajectory')}
+    sheet = parameter_file(tmp_path / 'sheet.yaml', 'plant', slew_limit_v_per_s=18200.0)
+    some = ['--plant', sheet, '--controller', files['controller'], '--compensator',
+            files['compensator']]
+    code, _, err = replay(foreign, *some)
+    assert code == 1
+    assert 'the dynamics of the rig is not known' in err
+    code, out, _ = replay(foreign, *some, '--trajectory', files['trajectory'])
+    assert code == 0
+    assert f'rig: hysteresis of {files["compensator"]} (--compensator), dynamics of ' in out
+    assert f'{files["trajectory"]} (--trajectory)' in out
+
+
 def test_streams_that_begin_late_are_compared_sample_by_sample(bag, tmp_path, replay):
     late = write_again(bag, tmp_path / 'late', starts={'displacement': 200, 'voltage': 100})
     code, out, _ = replay(late)

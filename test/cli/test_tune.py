@@ -12,14 +12,17 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
+import re
 from pathlib import Path
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 import yaml
 
 from piezo_ros.cli.main import main
 from piezo_ros.control import ControllerParameters
-from piezo_ros.model import DynamicsParameters
+from piezo_ros.model import DynamicsParameters, HysteresisParameters, LinearDynamics
 from piezo_ros.parameters.parameter_file import read_parameter_file
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -234,3 +237,93 @@ def test_operating_points_that_cannot_be_are_refused(model, tune, output, option
     assert code == 1
     assert complaint in err
     assert not output.exists()
+
+
+def add_facts(path, section, **facts):
+    content = yaml.safe_load(path.read_text())
+    content[f'/**/{section}'] = {'ros__parameters': facts}
+    path.write_text(yaml.safe_dump(content))
+
+
+@pytest.mark.parametrize('period_s', [
+    5e-4, pytest.param(2e-4, marks=pytest.mark.slow), pytest.param(5e-3, marks=pytest.mark.slow)])
+def test_d2_a_stage_of_any_sampling_is_tuned_by_the_file_that_identification_wrote(
+        tmp_path, tune, output, period_s):
+    # The same stage, slower with its sampling.
+    slower = period_s / 2e-5
+    path = dynamics(
+        tmp_path, natural_frequency_1_rad_per_s=15290.0 / slower, damping_ratio_1=0.6,
+        natural_frequency_2_rad_per_s=45730.0 / slower, damping_ratio_2=0.1,
+        time_constant_s=1.6e-4 * slower, zero_b1_rad_per_s=-34700.0 / slower,
+        zero_b2_rad2_per_s2=1.193e9 / slower**2, gain_k_rad3_per_s3=2.531e12 / slower**3)
+    code, out, err = tune(
+        path, '--sample-period-s', period_s, '--bound', 'none', '--plant',
+        ROOT / 'config' / 'examples' / 'slow_stage' / 'rig.yaml', '--amplitudes-um', 5.0,
+        '--objective', 'itae_step', points=('--harmonics', 'auto'))
+    assert (code, err) == (0, '')
+    assert out.count(' Hz') > 7
+    assert 'proportional_gain' in output.read_text()
+
+
+def test_d2_the_period_is_that_of_the_record_where_the_model_tells_it(model, tune):
+    add_facts(model, 'identified_dynamics', sample_period_s=2e-5, verdict='good')
+    assert 'sampled every 2e-05 s' in tune(model)[1]
+
+
+@pytest.mark.parametrize('section', ['identified_dynamics', 'identified_hysteresis'])
+def test_a_model_that_is_not_to_be_trusted_is_tuned_only_when_told_to(
+        model, tune, output, section):
+    add_facts(model, section, verdict='do not trust, because of 3 points')
+    code, _, err = tune(model)
+    assert code == 4
+    assert f'{model}: do not trust, because of 3 points; --accept-poor' in err
+    assert not output.exists()
+    assert tune(model, '--accept-poor')[0] == 0
+
+
+def test_d5_the_limit_holds_on_the_measured_points_too(model, tune, monkeypatch):
+    """The stage has a resonance at 2 kHz that the model lacks."""
+    from piezo_ros.identification.response import response_csv
+    frequency_hz = np.geomspace(50.0, 8000.0, 60)
+    truth = LinearDynamics().sampled_response(frequency_hz, 1e-5) * (
+        1.0 + 1.0 / (1.0 - (frequency_hz / 2000.0)**2 + 0.1j * frequency_hz / 2000.0)
+        * (frequency_hz / 2000.0)**2)
+    points = SimpleNamespace(
+        frequency_hz=frequency_hz, response=truth, standard_error=np.zeros(60),
+        sample_period_s=1e-5)
+    monkeypatch.setattr(response_csv, 'read_response', lambda path: points, raising=False)
+    _, alone, _ = tune(model, '--max-sensitivity', 1.6)
+    assert 'measured points not known' in alone
+    add_facts(model, 'identified_dynamics', points_file='trajectory.csv', model_error=0.02)
+    code, out, _ = tune(model, '--max-sensitivity', 1.6, '--force')
+    assert code == 0
+    gains = [float(table(out)[name][1]) for name in ('kP', 'kI')]
+    z = np.exp(2j * np.pi * frequency_hz * 1e-5)
+    law = gains[0] + gains[1] * 1e-5 / (1.0 - 1.0 / z)
+    largest = np.abs(1.0 / (1.0 + law * truth / z)).max()
+    assert largest <= 1.6
+    assert f'60 measured points {largest:.3g}'[:-1] in out
+    assert 'band of the model 1.' in out
+    # The gains of the model alone would be far from it.
+    gains = [float(table(alone)[name][1]) for name in ('kP', 'kI')]
+    law = gains[0] + gains[1] * 1e-5 / (1.0 - 1.0 / z)
+    assert np.abs(1.0 / (1.0 + law * truth / z)).max() > 1.7
+
+
+def test_d9_what_is_not_known_is_no_certainty(model, tune, tmp_path):
+    points = ('--amplitudes-um', 1.0, '--frequencies-hz', 300, '--harmonics', 9)
+    _, out, _ = tune(model, '--bound', 'none', points=points)
+    assert re.search(r'1 um +\d+\.\d\d…\?', out)
+    assert 'W(s) not known, error of the dynamics not known' in out
+    compensator = tmp_path / 'compensator.yaml'
+    compensator.write_text(yaml.safe_dump({'/**/compensator': {
+        'ros__parameters': HysteresisParameters().to_mapping()}}))
+    add_facts(compensator, 'identified_hysteresis', residual_rms_um=0.04, verdict='good',
+              amplitude_levels_v=[1.0, 4.0], amplitude_residual_percent=[1.0, 1.0])
+    add_facts(model, 'identified_dynamics', model_error=0.01, usable_to_hz=8000.0)
+    _, out, _ = tune(
+        model, '--bound', 'none', '--compensator', compensator, '--force', points=points)
+    low, high = re.search(r'1 um +(\d+\.\d\d)…(\d+\.\d\d)', out).groups()
+    assert float(low) < float(high)
+    assert 'hysteresis residual 40 nm' in out
+    assert 'error of the dynamics 1 % up to 8000 Hz' in out

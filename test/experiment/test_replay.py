@@ -21,7 +21,12 @@ from piezo_ros.control import ControllerParameters, simulate
 from piezo_ros.experiment.offline import simulate_run
 from piezo_ros.experiment.plan import read_plan
 from piezo_ros.experiment.replay import replay
-from piezo_ros.model import HysteresisParameters, ParameterError, RigParameters
+from piezo_ros.model import (
+    DynamicsParameters,
+    HysteresisParameters,
+    ParameterError,
+    RigParameters,
+)
 from piezo_ros.parameters.parameter_file import parameters_yaml
 
 STREAMS = ('reference_um', 'feedforward_um', 'command_um', 'voltage_v', 'displacement_um')
@@ -162,6 +167,42 @@ def test_a_foreign_bag_needs_every_node(recorded, planned, tmp_path):
     # Nothing is known of what was recorded, so nothing is claimed.
     assert not result.is_faithful
     assert result.same_samples == {}
+
+
+def test_d10_a_rig_known_by_its_data_sheet_alone_is_refused_by_name(recorded, planned, tmp_path):
+    """The defaults of what is not told are the hysteresis and the dynamics of another stage."""
+    run = write_bag(tmp_path / 'foreign', streams_of(recorded), {
+        node: values for node, values in planned.parameters.items() if node != 'plant'})
+    sheet = {'travel_um': 100.0, 'operating_point_um': 50.0, 'slew_limit_v_per_s': 1500.0}
+    with pytest.raises(BagError, match='the hysteresis of the rig is not known.* kappa_um_per_v'):
+        replay(run, plant=sheet)
+    with pytest.raises(BagError, match='the dynamics of the rig is not known.* gain_k_rad3_per_s'):
+        replay(run, plant=sheet, hysteresis=OTHER_HYSTERESIS)
+    part = {**sheet, **OTHER_HYSTERESIS.to_mapping(), 'damping_ratio_1': 0.5}
+    with pytest.raises(BagError, match='tells gain_k_rad3_per_s3.*natural_frequency_2_rad_per_s'):
+        replay(run, plant=part)
+    dynamics = DynamicsParameters(
+        dynamics='sections', pole_rates_rad_per_s=(2e3,), delay_s=1e-4)
+    result = replay(run, plant=sheet, hysteresis=OTHER_HYSTERESIS, dynamics=dynamics)
+    assert result.origins == {'hysteresis': 'model', 'dynamics': 'model'}
+    assert result.plant.kappa_um_per_v == OTHER_HYSTERESIS.kappa_um_per_v
+    assert result.plant.pole_rates_rad_per_s == (2e3,)
+    assert result.plant.slew_limit_v_per_s == 1500.0
+    own = {**sheet, **OTHER_HYSTERESIS.to_mapping(), **dynamics.to_mapping()}
+    assert replay(run, plant=own).origins == {'hysteresis': 'plant', 'dynamics': 'plant'}
+    assert replay(recorded).origins == {'hysteresis': 'bag', 'dynamics': 'bag'}
+
+
+def test_d10_no_other_node_is_filled_with_another_stage_either(recorded, planned, tmp_path):
+    run = write_bag(tmp_path / 'foreign', streams_of(recorded), None)
+    given = {'plant': planned.plant, 'compensator': planned.compensator,
+             'controller': planned.controller}
+    for node, told, missing in (
+        ('compensator', {'saturation_v': planned.compensator.saturation_v}, 'kappa_um_per_v'),
+        ('controller', {'scheme': 'fb', 'integral_gain_per_s': 1.0}, 'proportional_gain'),
+    ):
+        with pytest.raises(BagError, match=f'the {node} that is given tells {missing}'):
+            replay(run, **{**given, node: told})
 
 
 def test_a_real_stage_needs_a_plant_only(recorded, planned, tmp_path):

@@ -20,7 +20,12 @@ from typing import Any, Final
 
 from piezo_ros.control.changes import changes_text, segments
 from piezo_ros.control.waveform import EXCITATIONS
-from piezo_ros.experiment.plan.automatic import Known, decide, take_out_automatic
+from piezo_ros.experiment.plan.automatic import (
+    Known,
+    decide,
+    place_is_told,
+    take_out_automatic,
+)
 from piezo_ros.model import ParameterError, RigParameters
 from piezo_ros.parameters.errors import PlanError
 from piezo_ros.parameters.node_parameters import LOOP_NODES, check_node_parameters
@@ -99,7 +104,10 @@ def plan_run(
     _check_travel(where, run)
     _check_changes(where, run)
     if undecided:
-        run = decide(where, run, undecided, known or Known(), score_periods)
+        known = known or Known()
+        run = decide(
+            where, run, undecided, known, score_periods, place_told=place_is_told(
+                values['trajectory'], known.sections.get('trajectory', {})))
     return run if name else replace(run, name=_name(run, number))
 
 

@@ -62,11 +62,11 @@ def declare(
         if name in given:
             given[name] = _with_numbers(given[name], fields)
         default = (defaults or {}).get(name, field.default)
-        if default == () and name not in given:
-            # The type of an empty list is not that of its numbers unless it is told.
-            given[name] = _empty_list(name)
         node.declare_parameter(
             name, list(default) if isinstance(default, tuple) else default, _descriptor(field))
+        if isinstance(default, tuple) and _is_empty(node.get_parameter(name).value):
+            # An empty list is one of bytes for rclpy, unless its type is told.
+            node.set_parameters([_empty_list(name)])
     node.add_pre_set_parameters_callback(
         lambda changes: [_with_numbers(change, fields) for change in changes])
 

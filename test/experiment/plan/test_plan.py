@@ -150,7 +150,7 @@ def test_title_and_scored_periods_have_defaults(write_plan):
      ['amplitude_um is 2.0 um', 'travels 1 um']),
     ({'runs': [{'frequency_hz': 6e4}]},
      ['run 1: trajectory: frequency_hz is 60000.0 Hz', 'Nyquist frequency 50000 Hz']),
-    ({'runs': [{'frequency_hz': 6e3}]}, ['harmonic 9 of 6000 Hz is at 54000 Hz']),
+    ({'runs': [{'frequency_hz': 6e3, 'harmonics': 9}]}, ['harmonic 9 of 6000 Hz is at 54000 Hz']),
     ({'sample_period_s': 1e-2}, ['frequency_hz is 300.0 Hz', 'Nyquist frequency 50 Hz']),
     ({'runs': [{'plant': {'sample_period_s': 1e-4}}]},
      ['sample_period_s differs between the nodes', '0.0001']),

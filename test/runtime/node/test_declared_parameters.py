@@ -80,6 +80,27 @@ def _parameters(**values):
     return [Parameter(name=name, value=_value(value)) for name, value in values.items()]
 
 
+def test_empty_lists_are_lists_of_numbers_however_they_are_given(rig, peer, tmp_path):
+    file = tmp_path / 'sections.yaml'
+    file.write_text("""
+/**/trajectory:
+  ros__parameters:
+    autostart: false
+    dynamics: sections
+    pole_rates_rad_per_s: [3000.0]
+    zero_rates_rad_per_s: []
+    pole_frequencies_rad_per_s: [1000, 2000]
+    pole_damping_ratios: [0.1, 0.5]
+""")
+    rig.start_node('trajectory', '--params-file', str(file))
+    names = ['zero_rates_rad_per_s', 'zero_damping_ratios', 'pole_damping_ratios', 'dynamics']
+    values = peer.call(
+        GetParameters, 'trajectory/get_parameters', GetParameters.Request(names=names)).values
+    assert [value.type for value in values] == [
+        *[ParameterType.PARAMETER_DOUBLE_ARRAY] * 3, ParameterType.PARAMETER_STRING]
+    assert [list(value.double_array_value) for value in values[:3]] == [[], [], [0.1, 0.5]]
+
+
 def test_parameters_are_described_and_invalid_changes_refused_with_the_reason(rig, peer):
     rig.node('controller', autostart='false')
     names = ['scheme', 'integral_gain_per_s', 'measurement_delay_samples']
