@@ -119,7 +119,9 @@ def test_d5_the_facts_of_a_fit_stand_in_the_file():
 
 
 def test_d5_a_model_that_misses_its_points_is_not_to_be_trusted():
-    fit = fit_dynamics(measured(STAGES['four modes'], BAND_HZ, TS, 1e-3))
+    fit = fit_dynamics(
+        measured(STAGES['four modes'], BAND_HZ, TS, 1e-3), structure='rational',
+        numerator_order=0, denominator_order=2)
     verdict = fit.validation.verdict
     assert verdict.is_poor
     assert 'the model misses the points by' in str(verdict)
@@ -160,6 +162,7 @@ def test_d6_standard_errors_of_a_high_order_are_the_scatter_of_its_parameters():
     assert 0.6 < np.sqrt(np.mean(np.square(deviations))) < 1.5
 
 
+@pytest.mark.slow
 def test_d6_what_the_points_do_not_determine_has_no_small_standard_error():
     fit = fit_dynamics(
         measured(STAGES['one mode'], BAND_HZ, TS, 1e-3), structure='rational',
@@ -205,12 +208,11 @@ def test_d7_the_band_of_every_stage_covers_95_percent(name):
 
 @pytest.mark.slow
 def test_a_wrong_structure_is_told_in_95_percent_of_cases():
-    stage = parallel(mode(500.0, 0.02, 0.9), lag(1500.0))[0], parallel(
-        mode(500.0, 0.02, 0.9), lag(1500.0))[1]
+    stage = parallel(mode(500.0, 0.02, 0.9), lag(1500.0)), 0.0
     told = []
     for seed in range(60):
         fit = fit_dynamics(
-            measured((stage, 0.0), BAND_HZ, TS, 2e-3, seed), structure='rational',
+            measured(stage, BAND_HZ, TS, 2e-3, seed), structure='rational',
             numerator_order=0, denominator_order=2)
         told.append(str(fit.validation.verdict) != 'good')
     assert np.mean(told) >= 0.95
