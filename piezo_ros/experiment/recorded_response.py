@@ -18,6 +18,9 @@ import dataclasses
 import math
 from typing import Final
 
+import numpy as np
+from numpy.typing import NDArray
+
 from piezo_ros.bag import BagError, Run
 from piezo_ros.bag.recorded_node import recorded_node, recorded_parameters
 from piezo_ros.control import TrajectoryParameters
@@ -63,8 +66,9 @@ def recorded_response(
     Returns
     -------
     FrequencyResponse
-        Micrometres per micrometre (or per volt); points where the amplifier slews or saturates, or
-        that the record does not contain as a whole, are left out and listed.
+        Micrometres per micrometre (or per volt); points where the amplifier slews or saturates, of
+        which too many samples are lost, or that the record does not contain as a whole, are left
+        out and listed.
 
     Raises
     ------
@@ -94,8 +98,7 @@ def recorded_response(
             raise BagError(
                 f'{run.path} begins at sample {run.start_index}: what the hysteresis remembers of '
                 'the samples before is not known')
-        input_ = MaxwellResistiveCapacitor(
-            hysteresis.kappa_um_per_v, hysteresis.saturation_v).forward(run.voltage_v)[0]
+        input_ = _command_of(run.voltage_v, hysteresis)
     else:
         input_ = run.reference_um if closed_loop else run.command_um
     response = frequency_response(
@@ -107,13 +110,34 @@ def recorded_response(
     return dataclasses.replace(response, excluded=response.excluded + missing)
 
 
+def _command_of(
+    voltage_v: NDArray[np.float64], hysteresis: HysteresisParameters,
+) -> NDArray[np.float64]:
+    """Return what a hysteresis makes of a voltage; NaN where the voltage is not known."""
+    finite = np.isfinite(voltage_v)
+    if not finite.any():
+        return np.full(voltage_v.size, np.nan)
+    index = np.arange(voltage_v.size)
+    # The hysteresis remembers what came before a lost sample, so that this must not end there.
+    filled_v = np.interp(index, index[finite], voltage_v[finite])
+    command_um = MaxwellResistiveCapacitor(
+        hysteresis.kappa_um_per_v, hysteresis.saturation_v).forward(filled_v)[0]
+    return np.where(finite, command_um, np.nan)
+
+
 def _windows(run: Run, windows: tuple[Window, ...]) -> tuple[list[Window], list[Window]]:
-    """Return the windows inside the record, by its first sample, and those that are not."""
+    """
+    Return the windows inside the record, by its first sample, and those that are not.
+
+    Of a multisine the whole periods inside the record are enough.
+    """
     kept: list[Window] = []
     lost: list[Window] = []
     for window in windows:
         moved = window._replace(
             start=window.start - run.start_index, stop=window.stop - run.start_index)
+        if len(moved.lines) > 1:
+            moved = _clipped(moved, run)
         (kept if 0 <= moved.start and moved.stop <= run.samples else lost).append(moved)
     if not kept:
         raise BagError(
@@ -121,6 +145,13 @@ def _windows(run: Run, windows: tuple[Window, ...]) -> tuple[list[Window], list[
             f'the first frequency of its trajectory needs {windows[0].start} … '
             f'{windows[0].stop - 1}')
     return kept, lost
+
+
+def _clipped(window: Window, run: Run) -> Window:
+    """Return the part of a window inside the record, as it is if that is below two periods."""
+    start, stop = max(window.start, 0), min(window.stop, run.samples)
+    two_periods = 2.0 / (window.fundamental_hz * run.sample_period_s)
+    return window._replace(start=start, stop=stop) if stop - start >= two_periods else window
 
 
 def _amplifier(run: Run, slew_limit_v_per_s: float | None) -> Amplifier:

@@ -18,6 +18,7 @@ import argparse
 import math
 import sys
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -101,7 +102,7 @@ def identify(
     every : int, optional
         One of so many samples is taken.
     hysteresis : bool, optional
-        Whether voltage and displacement are all that is wanted, also where they are not finite.
+        Whether voltage and displacement are all that is wanted, up to their first gap.
 
     """
     outputs = [options.output, *(
@@ -137,7 +138,8 @@ def _exit_code(verdict: Verdict | None, is_lossy: bool, accept_poor: bool) -> in
 def _read(path: Path, options: argparse.Namespace, hysteresis: bool, every: int) -> Run:
     """Read what is wanted of a bag, of which the rest may be longer than the memory."""
     recording = open_recording(
-        path, **bag_options(options), keep_not_finite=hysteresis)  # its fit leaves them out
+        path, **bag_options(options), keep_not_finite=True,  # the fits leave them out
+        fill_gaps=not hysteresis)
     start, stop = (
         math.ceil(time_s / recording.sample_period_s) - recording.start_index
         if math.isfinite(time_s) else recording.samples
@@ -151,7 +153,15 @@ def _read(path: Path, options: argparse.Namespace, hysteresis: bool, every: int)
             f'it lasts from {first_s:g} s to {last_s:g} s')
     if hysteresis:
         return recording.part(start, stop, every=every, streams=('voltage', 'displacement'))
-    return recording.part(start, stop)
+    return _with_losses(recording.part(start, stop), options.allow_loss)
+
+
+def _with_losses(run: Run, allow_loss: bool) -> Run:
+    """Return a run that tells which of its samples are not finite, or refuse it."""
+    sentences = run.not_finite()
+    if sentences and not allow_loss:
+        raise BagError(f'{run.path}: {"; ".join(sentences)}')
+    return replace(run, lost=run.lost + sentences)
 
 
 def _refuse_different_periods(runs: list[Run]) -> None:

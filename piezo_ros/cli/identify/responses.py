@@ -61,5 +61,7 @@ def responses(options: argparse.Namespace, runs: list[Run]) -> list[FrequencyRes
             hysteresis=hysteresis)
         for point in response.excluded:
             print(f'left out of {run.path.name}: {point.frequency_hz:g} Hz: {point.reason}')
+        for loss in response.losses:
+            print(f'lost of {run.path.name}: {loss}')
         found.append(response)
     return found
