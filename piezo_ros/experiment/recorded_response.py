@@ -107,7 +107,8 @@ def recorded_response(
     missing = tuple(
         ExcludedPoint(frequency_hz, trajectory.amplitude, trajectory.offset, _NOT_RECORDED)
         for window in lost for frequency_hz in window.frequency_hz.tolist())
-    return dataclasses.replace(response, excluded=response.excluded + missing)
+    return dataclasses.replace(
+        response, excluded=response.excluded + missing, input_unit='v' if bare else 'um')
 
 
 def _command_of(

@@ -62,9 +62,9 @@ class Identified(NamedTuple):
     verdict: Verdict | None = None
 
 
-def add_common_arguments(kind: argparse.ArgumentParser) -> None:
-    """Describe the bags, the output and the part of the bags that is taken."""
-    kind.add_argument('bags', type=Path, nargs='+', metavar='BAG')
+def add_common_arguments(kind: argparse.ArgumentParser, *, bags: str = '+') -> None:
+    """Describe the bags, how many there may be, the output and the part that is taken."""
+    kind.add_argument('bags', type=Path, nargs=bags, metavar='BAG')
     kind.add_argument(
         '-o', '--output', type=Path, required=True, metavar='FILE', help='model file to write')
     kind.add_argument('--force', action='store_true', help='replace the file')
@@ -165,8 +165,7 @@ def _with_losses(run: Run, allow_loss: bool) -> Run:
 
 
 def _refuse_different_periods(runs: list[Run]) -> None:
-    first, *others = runs
-    for run in others:
+    for first, run in zip(runs, runs[1:], strict=False):
         if run.sample_period_s != first.sample_period_s:
             raise BagError(
                 f'{run.path} has the sample period {run.sample_period_s:g} s, {first.path} '

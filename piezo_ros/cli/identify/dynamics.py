@@ -26,10 +26,14 @@ from piezo_ros.cli.identify.common import (
     Identified,
     add_common_arguments,
     identify,
-    source,
     with_picture,
 )
-from piezo_ros.cli.identify.responses import add_response_arguments, responses
+from piezo_ros.cli.identify.responses import (
+    add_response_arguments,
+    add_table_arguments,
+    response_source,
+    responses,
+)
 from piezo_ros.experiment.model_file import FORMAT_VERSION, RATIONAL_KIND
 from piezo_ros.identification.response.dynamics_fit import DynamicsFit
 
@@ -52,8 +56,9 @@ def add_kind(kinds: Any) -> None:
         '--delay-samples', type=float, default=0.0, metavar='D', help='known delay (default: 0)')
     kind.add_argument(
         '--fit-delay', action='store_true', help='fit a delay too, with --orders')
-    add_common_arguments(kind)
+    add_common_arguments(kind, bags='*')
     add_response_arguments(kind)
+    add_table_arguments(kind)
     kind.set_defaults(function=lambda options: identify(
         _make, options, further_suffixes=(TABLE_SUFFIX,)))
 
@@ -75,18 +80,18 @@ def _make(options: argparse.Namespace, runs: list[Run]) -> Identified:
         delay_samples=options.delay_samples, **structure)
     for name, error in fit.standard_errors.items():
         print(f'{name:32}{fit.values[name]:14.6g} ± {error:.2g}')
-    text = _rational_yaml(fit, runs) if options.orders else fit.to_parameter_yaml(
-        source=source(runs))
+    text = _rational_yaml(fit, response_source(options, runs)) if options.orders else fit.to_parameter_yaml(
+        source=response_source(options, runs))
     files = {
         options.output: text,
         options.output.with_suffix(TABLE_SUFFIX): response_csv(response)}
     return Identified(with_picture(files, options, 'fitted_response_figure', response, fit))
 
 
-def _rational_yaml(fit: DynamicsFit, runs: list[Run]) -> str:
+def _rational_yaml(fit: DynamicsFit, source: str) -> str:
     numerator, denominator = fit.polynomials
     return yaml.safe_dump({
-        'format_version': FORMAT_VERSION, 'kind': RATIONAL_KIND, 'source': source(runs),
+        'format_version': FORMAT_VERSION, 'kind': RATIONAL_KIND, 'source': source,
         'numerator': numerator.tolist(), 'denominator': denominator.tolist(),
         'delay_s': fit.delay_s, 'sample_period_s': fit.sample_period_s,
         'standard_errors': dict(fit.standard_errors)}, sort_keys=False)

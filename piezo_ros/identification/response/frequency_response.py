@@ -107,6 +107,10 @@ class FrequencyResponse:
         Samples that are missing or not finite, inside the evaluated windows or outside.
     losses : tuple of str
         Sentences that say where samples were lost, and of which points.
+    input_unit : str
+        Unit of the input, ``'um'`` or ``'v'``.
+    notes : tuple of str
+        Sentences that say what has been assumed of the points.
 
     """
 
@@ -122,6 +126,8 @@ class FrequencyResponse:
     samples_used: int = 0
     samples_lost: int = 0
     losses: tuple[str, ...] = ()
+    input_unit: str = 'um'
+    notes: tuple[str, ...] = ()
 
     @property
     def standard_error(self) -> NDArray[np.float64]:
@@ -168,7 +174,7 @@ def merge(responses: Sequence[FrequencyResponse]) -> FrequencyResponse:
     Raises
     ------
     ValueError
-        If there is none, or the sample periods differ.
+        If there is none, or the sample periods or the units differ.
 
     """
     if not responses:
@@ -179,6 +185,10 @@ def merge(responses: Sequence[FrequencyResponse]) -> FrequencyResponse:
             raise ValueError(
                 f'responses[{number}] has sample_period_s {other.sample_period_s:g} s and '
                 f'responses[0] {first.sample_period_s:g} s; they must be equal')
+        if other.input_unit != first.input_unit:
+            raise ValueError(
+                f'responses[{number}] is one to {other.input_unit!r} and responses[0] to '
+                f'{first.input_unit!r}; they must be equal')
     arrays = {
         field: np.concatenate([getattr(response, field) for response in responses])
         for field in _ARRAYS}
@@ -187,7 +197,9 @@ def merge(responses: Sequence[FrequencyResponse]) -> FrequencyResponse:
         excluded=tuple(point for response in responses for point in response.excluded),
         samples_used=sum(response.samples_used for response in responses),
         samples_lost=sum(response.samples_lost for response in responses),
-        losses=tuple(loss for response in responses for loss in response.losses))
+        losses=tuple(loss for response in responses for loss in response.losses),
+        input_unit=first.input_unit,
+        notes=tuple(note for response in responses for note in response.notes))
     return together.select(np.argsort(together.frequency_hz, kind='stable'))
 
 

@@ -31,6 +31,7 @@ Examples
 
 """
 
+import itertools
 from typing import NamedTuple
 
 import numpy as np
@@ -146,9 +147,9 @@ def _finite_parts(
     finite = np.isfinite(signals).all(axis=0)
     parts = [
         start + np.flatnonzero(finite[start:stop])
-        for start, stop in zip(bounds[:-1], bounds[1:], strict=True)]
+        for start, stop in itertools.pairwise(bounds)]
     usable = [
-        part for part, start, stop in zip(parts, bounds[:-1], bounds[1:], strict=True)
+        part for part, (start, stop) in zip(parts, itertools.pairwise(bounds), strict=True)
         if part.size >= _LEAST_LEFT * (stop - start) and part.size > columns]
     if len(usable) < min(2, len(parts)) or len(usable) < _LEAST_GROUPS * len(parts):
         left = sum(part.size for part in parts)
