@@ -15,6 +15,7 @@
 """What all kinds of ``piezo identify`` share: bags to read, files to write, the exit code."""
 
 import argparse
+import itertools
 import math
 import sys
 from collections.abc import Callable, Mapping
@@ -165,7 +166,7 @@ def _with_losses(run: Run, allow_loss: bool) -> Run:
 
 
 def _refuse_different_periods(runs: list[Run]) -> None:
-    for first, run in zip(runs, runs[1:], strict=False):
+    for first, run in itertools.pairwise(runs):
         if run.sample_period_s != first.sample_period_s:
             raise BagError(
                 f'{run.path} has the sample period {run.sample_period_s:g} s, {first.path} '

@@ -28,6 +28,7 @@ from piezo_ros.cli.identify.common import (
     identify,
     with_picture,
 )
+from piezo_ros.cli.identify.placing import add_place_arguments, placed_model
 from piezo_ros.cli.identify.responses import (
     add_response_arguments,
     add_table_arguments,
@@ -59,6 +60,7 @@ def add_kind(kinds: Any) -> None:
     add_common_arguments(kind, bags='*')
     add_response_arguments(kind)
     add_table_arguments(kind)
+    add_place_arguments(kind)
     kind.set_defaults(function=lambda options: identify(
         _make, options, further_suffixes=(TABLE_SUFFIX,)))
 
@@ -80,10 +82,10 @@ def _make(options: argparse.Namespace, runs: list[Run]) -> Identified:
         delay_samples=options.delay_samples, **structure)
     for name, error in fit.standard_errors.items():
         print(f'{name:32}{fit.values[name]:14.6g} ± {error:.2g}')
-    text = _rational_yaml(fit, response_source(options, runs)) if options.orders else fit.to_parameter_yaml(
-        source=response_source(options, runs))
+    source = response_source(options, runs)
+    text = _rational_yaml(fit, source) if options.orders else fit.to_parameter_yaml(source=source)
     files = {
-        options.output: text,
+        options.output: placed_model(options, text),
         options.output.with_suffix(TABLE_SUFFIX): response_csv(response)}
     return Identified(with_picture(files, options, 'fitted_response_figure', response, fit))
 

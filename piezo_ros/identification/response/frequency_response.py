@@ -338,13 +338,13 @@ def _evaluate(
     try:
         fit = fit_lines(
             signals, window.start, fundamental * np.concatenate([lines, extra]), 1.0 / fundamental)
-    except ValueError as error:
+    except ValueError as refusal:
         if is_whole:
             raise
         nothing = np.full(lines.size, np.nan)
         return _Stretch(
             window.frequency_hz, nothing.astype(np.complex128), nothing, nothing, peak, offset,
-            math.nan, reason or str(error))
+            math.nan, reason or str(refusal))
     count = lines.size
     x, y = fit.phasor[:, :count]
     uncertain = np.sqrt(fit.residual_variance[0] * fit.unit_variance[:count])

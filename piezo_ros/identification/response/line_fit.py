@@ -144,7 +144,7 @@ def _finite_parts(
     signals: NDArray[np.float64], bounds: list[int], columns: int,
 ) -> list[NDArray[np.intp]]:
     """Return the indices of the finite samples of each group that has enough of them."""
-    finite = np.isfinite(signals).all(axis=0)
+    finite: NDArray[np.bool_] = np.asarray(np.isfinite(signals).all(axis=0))
     parts = [
         start + np.flatnonzero(finite[start:stop])
         for start, stop in itertools.pairwise(bounds)]

@@ -154,9 +154,9 @@ def read_response(path: Path | str, *, sample_period_s: float | None = None) -> 
         np.nan_to_num(_column(columns, 'distortion', order)), amplitude[order], offset[order],
         period_s,
         excluded=tuple(
-            ExcludedPoint(*point, reason) for *point, reason in zip(
-                columns['frequency'].tolist(), amplitude.tolist(), offset.tolist(), reasons,
-                strict=True) if reason),
+            point for point in map(
+                ExcludedPoint, columns['frequency'].tolist(), amplitude.tolist(),
+                offset.tolist(), reasons) if point.reason),
         input_unit=table.input_unit or 'um', notes=tuple(notes))
 
 
