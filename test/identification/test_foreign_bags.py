@@ -377,14 +377,16 @@ def test_a_recorder_that_joined_late_misses_the_first_frequencies_only(
         own_dynamics['/**/trajectory']['ros__parameters'][name], rel=1e-3)
 
 
-def test_without_its_trajectory_a_foreign_bag_is_refused_with_the_remedy(
-    tmp_path, compensated, identify,
+def test_without_its_trajectory_the_frequencies_of_a_foreign_bag_are_found_in_its_record(
+    tmp_path, compensated, own_dynamics, identify,
 ):
     record_rosbag2(tmp_path / 'bag', compensated)
-    code, _, said = identify('dynamics', tmp_path / 'bag')
-    assert code == 1
-    assert 'does not say which trajectory was played' in said
-    assert '--trajectory FILE' in said
+    code, model, said = identify('dynamics', tmp_path / 'bag')
+    assert code == 0
+    assert 'bag: excitation by the record itself: stepped, 8 frequencies' in said
+    for name in ('natural_frequency_1_rad_per_s', 'natural_frequency_2_rad_per_s'):
+        assert model['/**/trajectory']['ros__parameters'][name] == pytest.approx(
+            own_dynamics['/**/trajectory']['ros__parameters'][name], rel=0.02)
 
 
 @pytest.mark.parametrize(('change', 'complaint'), [

@@ -21,6 +21,7 @@ from pathlib import Path
 from piezo_ros.bag import Run
 from piezo_ros.control import TrajectoryParameters
 from piezo_ros.experiment.recorded_response import recorded_response
+from piezo_ros.identification.response.detected_excitation import EXCITATION_KINDS
 from piezo_ros.identification.response.frequency_response import FrequencyResponse
 from piezo_ros.identification.response.response_csv import read_response
 from piezo_ros.model import HysteresisParameters
@@ -34,7 +35,16 @@ def add_response_arguments(kind: argparse.ArgumentParser) -> None:
     kind.add_argument(
         '--trajectory', type=Path, action='append', metavar='FILE',
         help='parameters of the trajectory that was played, where the bag does not say them: '
-        'once for all bags or once for each, in their order')
+        'once for all bags or once for each, in their order (default: the frequencies are found '
+        'in the record)')
+    kind.add_argument(
+        '--excitation', choices=('auto', *EXCITATION_KINDS), metavar='KIND',
+        help='find the frequencies in the record itself, whatever the trajectory says: auto, '
+        'stepped (sine), multisine, or broadband (noise, chirp)')
+    kind.add_argument(
+        '--estimator', choices=('local', 'h1', 'h2'), default='local',
+        help='of a broadband input: local polynomials over the spectrum of the whole record '
+        '(default), or segments averaged by h1 (noise in the output) or h2 (in the input)')
     kind.add_argument(
         '--compensator', type=Path, metavar='FILE',
         help='take the command from the voltage by the hysteresis of this file: for runs of '
@@ -107,7 +117,8 @@ def _recorded(options: argparse.Namespace, runs: list[Run]) -> list[FrequencyRes
             path, 'trajectory', TrajectoryParameters, {'sample_period_s': run.sample_period_s})
         response = recorded_response(
             run, slew_limit_v_per_s=options.slew_limit_v_per_s, trajectory=trajectory,
-            hysteresis=hysteresis)
+            hysteresis=hysteresis, excitation=options.excitation,
+            estimator=options.estimator)
         _tell(run.path.name, response)
         found.append(response)
     return found
