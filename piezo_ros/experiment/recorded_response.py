@@ -27,12 +27,10 @@ from piezo_ros.control import TrajectoryParameters
 from piezo_ros.control.excitation import Window
 from piezo_ros.control.waveform import EXCITATIONS, excitation_of
 from piezo_ros.identification import Amplifier, FrequencyResponse, frequency_response
-from piezo_ros.identification.response.broadband_response import (
-    broadband_response,
-    welch_response,
-)
+from piezo_ros.identification.response.broadband_response import broadband_response
 from piezo_ros.identification.response.detected_excitation import detect_excitation
 from piezo_ros.identification.response.frequency_response import ExcludedPoint
+from piezo_ros.identification.response.welch_response import welch_response
 from piezo_ros.model import (
     HysteresisParameters,
     MaxwellResistiveCapacitor,

@@ -59,11 +59,11 @@ def placed_model(options: argparse.Namespace, text: str) -> str:
     """
     if not options.place_from:
         return text
-    from piezo_ros.identification.response.hysteresis_place import (
+    from piezo_ros.identification.place.hysteresis_place import (
         TimeRecord,
         decide_hysteresis_place,
     )
-    from piezo_ros.identification.response.placed_file import placed_parameter_yaml
+    from piezo_ros.identification.place.placed_file import placed_parameter_yaml
     nodes = yaml.safe_load(text)
     if '/**/trajectory' not in nodes:
         raise ValueError('--place-from needs dynamics that the trajectory node has, not --orders')

@@ -25,18 +25,8 @@ Around each frequency f they are fitted as polynomials over 2 n + 1 lines, by le
 This is H1 for an input that is known, without the bias of windowed segments: the transient takes
 what the stage remembers from before the record, which a window only attenuates, so that the lines
 of the whole record are resolved. n trades noise against resolution: the one of the least variance
-plus squared bias is taken, by what polynomials of order 4 find otherwise. The variance, which has
-this bias in it, is enlarged, as it is an estimate itself, so that its circle holds the truth in 95 % of cases (F: quantile of the F
-distribution, m: degrees of freedom)::
-
-    variance -> variance F(0.95; 2, 2 m) / -log(0.05)
-
-`welch_response` averages segments instead, by H1 or, where the input is the noisy one, by H2::
-
-    H1 = Suy/Suu,   H2 = Syy/Syu,   variance = |H|^2 (1 - coherence)/(coherence (M - 1))
-
-Segments of L samples resolve 1.5/(L Ts); M is the number of independent ones. A resonance that is
-narrower than that, or memory longer than L, biases the result.
+plus squared bias is taken, by what polynomials of order 4 find otherwise; the bias is part of the
+variance.
 """
 
 import dataclasses
@@ -47,26 +37,24 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicSpline
-from scipy.signal import get_window
-from scipy.stats import f as f_distribution
 
 from piezo_ros.identification.response.amplifier_limits import Amplifier, limit_reached
-from piezo_ros.identification.response.frequency_response import (
-    ExcludedPoint,
-    FrequencyResponse,
+from piezo_ros.identification.response.estimated_points import (
+    HIGHEST_SHARE,
+    Estimate,
+    assembled_points,
+    checked_record,
 )
+from piezo_ros.identification.response.frequency_response import FrequencyResponse
 
-__all__ = ['broadband_response', 'welch_response']
+__all__ = ['broadband_response']
 
 _ORDER: Final = 2  # of the polynomials
-_HALF_WIDTHS: Final = (6, 8, 11, 15, 20, 27, 36, 48, 64, 90, 125, 175)
+_HALF_WIDTHS: Final = (6, 8, 12, 18, 27, 42, 64, 100, 160)
 _POINTS: Final = 200
-_LEAST_COHERENCE: Final = 0.3
-_HIGHEST: Final = 0.45  # of the sampling frequency
+_NOISE_SHARE: Final = 0.5  # of what noise makes of the bias on average, that is subtracted
 _BRIDGED: Final = 2  # lost samples of the output in a row that are interpolated
 _SHORTEST_PIECE: Final = 256
-_ESTIMATORS: Final = ('h1', 'h2')
-_SEGMENTS: Final = 16  # independent ones that Welch's method aims at, at least
 
 
 def broadband_response(
@@ -108,7 +96,7 @@ def broadband_response(
         If lengths differ, the record is too short, or no point is left.
 
     """
-    inputs, outputs = _checked(input_, output)
+    inputs, outputs = checked_record(input_, output)
     bad = ~(np.isfinite(inputs) & np.isfinite(outputs))
     reached, reason = np.zeros(inputs.size, dtype=np.bool_), ''
     if amplifier is not None:
@@ -121,38 +109,28 @@ def broadband_response(
             f'{_SHORTEST_PIECE} samples is whole{"; " * bool(reason)}{reason}')
     spectra = [_Spectrum.of(*piece, sample_period_s) for piece in pieces]
     longest_s = max(piece[0].size for piece in pieces) * sample_period_s
-    low, high = 2.0 * _HALF_WIDTHS[0] / longest_s, _HIGHEST / sample_period_s
+    low, high = 2.0 * _HALF_WIDTHS[0] / longest_s, HIGHEST_SHARE / sample_period_s
     if not 2.0 * low < high:
         raise ValueError(
             f'a record of {inputs.size} samples is too short for a broadband input')
     edges = _edges(low, high, points, (2 * _HALF_WIDTHS[0] + 1) / longest_s)
     found = [
-        _combined([spectrum.at(lower, upper) for spectrum in spectra])
+        _combined(0.5 * (lower + upper), [spectrum.at(lower, upper) for spectrum in spectra])
         for lower, upper in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True)]
     used = sum(piece[0].size for piece in pieces)
     finite = inputs[np.isfinite(inputs)]
-    response = _assembled(
-        [each for each in found if each is not None], float(np.ptp(finite)) / 2.0,
+    response = assembled_points(
+        found, float(np.ptp(finite)) / 2.0,
         float(finite.mean()), sample_period_s)
-    losses = [
-        f'{int(bad.sum())} samples are lost, the first is sample {int(np.argmax(bad))}; '
-        f'{len(pieces)} pieces with {used} of {inputs.size} samples are used'] if bad.any() else []
+    losses = []
+    if bad.any():
+        losses.append(
+            f'{int(bad.sum())} samples are lost, the first is sample {int(np.argmax(bad))}; '
+            f'{len(pieces)} pieces with {used} of {inputs.size} samples are used')
     if reason:
         losses.append(f'{int(reached.sum())} samples are left out: {reason}')
     return dataclasses.replace(
         response, samples_used=used, samples_lost=int(bad.sum()), losses=tuple(losses))
-
-
-def _checked(
-    input_: ArrayLike, output: ArrayLike,
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    inputs = np.asarray(input_, dtype=np.float64)
-    outputs = np.asarray(output, dtype=np.float64)
-    if inputs.ndim != 1 or inputs.shape != outputs.shape:
-        raise ValueError(
-            f'input_ has shape {inputs.shape} and output {outputs.shape}, they must be '
-            'one-dimensional and equal')
-    return inputs, outputs
 
 
 def _bridged(
@@ -198,14 +176,6 @@ def _edges(low: float, high: float, points: int, least: float) -> NDArray[np.flo
     return np.array(edges)
 
 
-class _Estimate(NamedTuple):
-    frequency_hz: float
-    response: complex
-    variance: float  # estimated with these degrees of freedom
-    degrees: float
-    coherence: float
-
-
 class _Spectrum(NamedTuple):
     """Spectra of one piece."""
 
@@ -221,7 +191,7 @@ class _Spectrum(NamedTuple):
             np.fft.rfft(inputs - inputs.mean()), np.fft.rfft(outputs - outputs.mean()),
             1.0 / (inputs.size * sample_period_s))
 
-    def at(self, lower_hz: float, upper_hz: float) -> _Estimate | None:
+    def at(self, lower_hz: float, upper_hz: float) -> Estimate | None:
         """Return the estimate in the middle of a band, from the lines in it."""
         frequency_hz = 0.5 * (lower_hz + upper_hz)
         middle = round(frequency_hz / self.spacing_hz)
@@ -247,7 +217,7 @@ class _Spectrum(NamedTuple):
         # look small.
         noise, degrees = fits[-1].noise, fits[-1].degrees
         best = min(fits, key=lambda fit: fit.squared_error(noise))
-        return _Estimate(
+        return Estimate(
             frequency_hz, best.response,
             max(best.squared_error(noise), 1e-18 * abs(best.response)**2), degrees,
             fits[-1].coherence)
@@ -267,7 +237,8 @@ class _LocalFit(NamedTuple):
 
     def squared_error(self, noise: float) -> float:
         """Return variance plus squared bias."""
-        bias_squared = max(0.0, self.shift_squared - noise * self.shift_unit_variance)
+        bias_squared = max(
+            0.0, self.shift_squared - _NOISE_SHARE * noise * self.shift_unit_variance)
         # Behind an irregular input, what order 2 misses of the response acts as noise, too.
         return max(noise, self.residual) * self.unit_variance + bias_squared
 
@@ -322,124 +293,16 @@ def _solved(
         inputs.size - design.shape[1])
 
 
-def _combined(estimates: Sequence[_Estimate | None]) -> _Estimate | None:
+def _combined(frequency_hz: float, estimates: Sequence[Estimate | None]) -> Estimate:
     """Return the mean of the pieces, weighted by their variance."""
     found = [each for each in estimates if each is not None]
     if not found:
-        return None
+        return Estimate(frequency_hz, 0j, math.inf, 1.0, 0.0)
     weight = np.array([1.0 / each.variance for each in found])
     weight /= weight.sum()
     degrees = float(1.0 / np.sum(weight**2 / np.array([each.degrees for each in found])))
-    return _Estimate(
-        found[0].frequency_hz,
+    return Estimate(
+        frequency_hz,
         complex(np.sum(weight * np.array([each.response for each in found]))),
         float(np.sum(weight**2 * np.array([each.variance for each in found]))), degrees,
         float(np.sum(weight * np.array([each.coherence for each in found]))))
-
-
-def _assembled(
-    estimates: Sequence[_Estimate], amplitude: float, offset: float, sample_period_s: float,
-) -> FrequencyResponse:
-    """Return the points that are known well enough, and list the others."""
-    kept: list[_Estimate] = []
-    excluded: list[ExcludedPoint] = []
-    for each in estimates:
-        radius = math.sqrt(
-            each.variance * float(f_distribution.ppf(0.95, 2, 2.0 * each.degrees)))
-        reason = ''
-        if each.coherence < _LEAST_COHERENCE:
-            reason = f'the coherence is {each.coherence:.2g}, below {_LEAST_COHERENCE:g}'
-        elif radius > abs(each.response):
-            reason = f'the response is {abs(each.response):.2g} ± {radius:.2g}'
-        if reason:
-            excluded.append(ExcludedPoint(
-                each.frequency_hz, amplitude, offset,
-                f'{reason}: noise, or hardly any input at this frequency'))
-        else:
-            kept.append(each)
-    if not kept:
-        raise ValueError(
-            'no point is left: ' + (excluded[0].reason if excluded else 'the record is too short'))
-    frequency_hz, response, variance, degrees, coherence = (
-        np.array(column) for column in zip(*kept, strict=True))
-    size = frequency_hz.size
-    inflated = variance * f_distribution.ppf(0.95, 2, 2.0 * degrees) / -math.log(0.05)
-    return FrequencyResponse(
-        frequency_hz, response, inflated, coherence, np.full(size, np.nan),
-        np.full(size, amplitude), np.full(size, offset), sample_period_s, tuple(excluded))
-
-
-def welch_response(
-    input_: ArrayLike, output: ArrayLike, sample_period_s: float, *, estimator: str = 'h1',
-    segment_samples: int | None = None,
-) -> FrequencyResponse:
-    """
-    Return the frequency response by Welch's method: Hann windows that overlap by half.
-
-    Parameters
-    ----------
-    input_, output : array_like, shape (N,)
-        The record; segments with a sample that is not finite are left out.
-    sample_period_s : float
-        Sample period, seconds.
-    estimator : str, optional
-        ``'h1'``, for noise in the output, or ``'h2'``, for noise in the input.
-    segment_samples : int, optional
-        Length of the segments; by default as long as 16 independent ones fit into the record.
-
-    Returns
-    -------
-    FrequencyResponse
-        The points; `notes` says what the segments resolve.
-
-    Raises
-    ------
-    ValueError
-        If the estimator is not known, or the record is too short or has no whole segments.
-
-    """
-    if estimator not in _ESTIMATORS:
-        raise ValueError(f'estimator is {estimator!r}, allowed are {", ".join(_ESTIMATORS)}')
-    inputs, outputs = _checked(input_, output)
-    length = segment_samples or 2 * inputs.size // (_SEGMENTS + 2)
-    if not 16 <= length <= inputs.size // 2:
-        raise ValueError(
-            f'segment_samples is {length}, allowed is 16 … {inputs.size // 2} for a record of '
-            f'{inputs.size} samples')
-    hop = length // 2
-    window = get_window('hann', length)
-    starts = np.arange(0, inputs.size - length + 1, hop)
-    segments = [
-        tuple(window * (part - part.mean()) for part in (
-            inputs[start:start + length], outputs[start:start + length]))
-        for start in starts.tolist()
-        if np.isfinite(inputs[start:start + length] + outputs[start:start + length]).all()]
-    # Of half-overlapping Hann windows, two neighbours are correlated by 1/6.
-    independent = len(segments) / (1.0 + 2.0 / 36.0)
-    if independent < 3.0:
-        raise ValueError(f'{len(segments)} whole segments of {length} samples are too few')
-    u, y = (np.fft.rfft(np.array(parts), axis=1) for parts in zip(*segments, strict=True))
-    suu, syy = np.sum(np.abs(u)**2, axis=0), np.sum(np.abs(y)**2, axis=0)
-    suy = np.sum(u.conj() * y, axis=0)
-    chosen = np.arange(2, math.floor(_HIGHEST * length))
-    suu, syy, suy = suu[chosen], syy[chosen], suy[chosen]
-    coherence = np.clip(np.abs(suy)**2 / np.maximum(suu * syy, 1e-300), 0.0, 1.0)
-    response = suy / suu if estimator == 'h1' else syy / np.where(suy == 0.0, 1.0, suy.conj())
-    variance = np.abs(response)**2 * (1.0 - coherence) / (
-        np.maximum(coherence, 1e-12) * (independent - 1.0))
-    frequency_hz = chosen / (length * sample_period_s)
-    # Neighbouring lines of a Hann window are not independent, every other one nearly.
-    estimates = [
-        _Estimate(*values) for values in zip(
-            frequency_hz[::2].tolist(), response[::2].tolist(),
-            np.maximum(variance, 1e-18 * np.abs(response)**2)[::2].tolist(),
-            [independent - 1.0] * frequency_hz[::2].size, coherence[::2].tolist(), strict=True)]
-    finite = inputs[np.isfinite(inputs)]
-    result = _assembled(
-        estimates, float(np.ptp(finite)) / 2.0, float(finite.mean()), sample_period_s)
-    return dataclasses.replace(
-        result, samples_used=int(np.isfinite(inputs + outputs).sum()),
-        samples_lost=int((~np.isfinite(inputs + outputs)).sum()),
-        notes=(
-            f'{len(segments)} segments of {length * sample_period_s:.3g} s resolve '
-            f'{1.5 / (length * sample_period_s):.3g} Hz: a narrower resonance is flattened',))

@@ -37,7 +37,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from piezo_ros.identification.response.placed_stage import (
+from piezo_ros.identification.place.placed_stage import (
     Factors,
     Placement,
     placements,
@@ -327,5 +327,5 @@ def _refined(
 
     found = least_squares(
         residual, np.zeros(size + zeros), bounds=(-_FARTHEST, _FARTHEST), x_scale='jac',
-        diff_step=1e-4, max_nfev=_EVALUATIONS, ftol=1e-3, xtol=1e-4)
+        diff_step=[1e-4] * (size + zeros), max_nfev=_EVALUATIONS, ftol=1e-3, xtol=1e-4)
     return changed(found.x)

@@ -22,14 +22,14 @@ import yaml
 from scipy.signal import cont2discrete, lfilter
 
 from piezo_ros.control.excitation import stepped_sine
-from piezo_ros.identification.response.hysteresis_place import (
+from piezo_ros.identification.place.hysteresis_place import (
     Candidate,
     HysteresisPlace,
     TimeRecord,
     decide_hysteresis_place,
 )
-from piezo_ros.identification.response.placed_file import placed_parameter_yaml
-from piezo_ros.identification.response.placed_stage import (
+from piezo_ros.identification.place.placed_file import placed_parameter_yaml
+from piezo_ros.identification.place.placed_stage import (
     Factors,
     Placement,
     placements,

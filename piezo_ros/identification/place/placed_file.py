@@ -24,7 +24,7 @@ import re
 from collections.abc import Sequence
 from typing import Final
 
-from piezo_ros.identification.response.hysteresis_place import HysteresisPlace
+from piezo_ros.identification.place.hysteresis_place import HysteresisPlace
 from piezo_ros.identification.yaml_text import yaml_number
 
 __all__ = ['placed_parameter_yaml']

@@ -160,32 +160,26 @@ def simulate_placed(
         [rate for i, rate in enumerate(factors.rates_rad_per_s) if i not in placement.rates],
         [pair for i, pair in enumerate(factors.pairs) if i not in placement.pairs],
         factors.zeros, factors.gain)
-    steps, is_whole = _steps(factors.delay_s, sample_period_s)
+    delay = factors.delay_s / sample_period_s
+    steps = 1 if abs(delay - round(delay)) < 1e-6 else finest
     if not (rates_before or pairs_before):
-        if not is_whole:
-            steps = finest
         held = np.repeat(hysteresis.forward(voltage_v, state)[0] - rest_um, steps)
         fine = behind.held(held, sample_period_s / steps)
     else:
         fastest = max(*rates_before, *(pair[0] for pair in pairs_before), 0.0)
         needed = math.ceil(fastest * sample_period_s / _RESOLVED)
-        steps = min(max(needed, steps if is_whole else finest, 2), finest)
+        steps = min(max(needed, steps, 2), finest)
         before = _Modes.of(rates_before, pairs_before, (1.0,), 1.0)
         inner_v = rest_v + before.held(
             np.repeat(voltage_v - rest_v, steps), sample_period_s / steps)
         fine = behind.straight(
             hysteresis.forward(inner_v, state)[0] - rest_um, sample_period_s / steps)
-    shift = factors.delay_s / sample_period_s * steps
+    shift = delay * steps
     index = np.arange(voltage_v.size) * steps
     fine = fine + factors.gain * rest_um
     if shift == 0.0:
-        return fine[index]
-    return np.interp(index - shift, np.arange(fine.size), fine)
-
-
-def _steps(delay_s: float, sample_period_s: float) -> tuple[int, bool]:
-    samples = delay_s / sample_period_s
-    return 1, abs(samples - round(samples)) < 1e-6
+        return np.asarray(fine[index])
+    return np.asarray(np.interp(index - shift, np.arange(fine.size), fine))
 
 
 def _poles(
@@ -220,8 +214,9 @@ class _Modes(NamedTuple):
         # gain n(s) prod(-p)/prod(s - p): the residue at p_i leaves out its own factor.
         scale = gain * np.prod([-pole for pole in poles]) if poles else complex(gain)
         residues = [
-            scale * np.polyval(zeros[::-1], pole)
-            / np.prod([pole - other for other in poles if other is not pole])
+            complex(
+                scale * np.polyval(zeros[::-1], pole)
+                / np.prod([pole - other for other in poles if other is not pole]))
             for pole in poles]
         is_even = len(zeros) - 1 == len(poles)
         return cls(poles, residues, float((scale * zeros[-1]).real) if is_even else 0.0)
