@@ -18,14 +18,21 @@ The place of the hysteresis in a parameter file of the dynamics.
 The file lists the poles before the hysteresis first and says how many they are; of (6) in Liu 2015
 pair 1 is the one before. So the lines of poles are put into this order, with what belongs to them,
 such as their standard errors.
+
+With poles before the hysteresis, the response that the dynamics were fitted to depends on the
+amplitude, and the poles found in it are off by a few per cent. So where the place is decided, the
+file gets the dynamics that were refined with the hysteresis in its place.
 """
 
+import math
 import re
 from collections.abc import Sequence
 from typing import Final
 
+import numpy as np
+
 from piezo_ros.identification.place.hysteresis_place import HysteresisPlace
-from piezo_ros.identification.yaml_text import yaml_number
+from piezo_ros.identification.yaml_text import yaml_list, yaml_number
 
 __all__ = ['placed_parameter_yaml']
 
@@ -57,6 +64,7 @@ def placed_parameter_yaml(text: str, place: HysteresisPlace) -> str:
         f'    rates_before_hysteresis: {len(place.rates_before)}',
         f'    pairs_before_hysteresis: {len(place.pairs_before)}',
         f'    hysteresis_place: {"known" if place.is_decided else "undecided"}']
+    refined = _refined(place, order, 'dynamics: sections' in text)
     lines: list[str] = []
     found = {
         match[2]: line for line in text.splitlines() if (match := _LINE.match(line))}
@@ -64,6 +72,9 @@ def placed_parameter_yaml(text: str, place: HysteresisPlace) -> str:
         match = _LINE.match(line)
         name = match[2] if match else ''
         if name in _PLACE_NAMES:
+            continue
+        if name in refined:
+            lines.append(f'    {name}: {refined[name]}  # refined with the hysteresis in its place')
             continue
         kind = next((
             kind for listed, kind in _LISTED.items() if name.startswith(listed)), None)
@@ -80,6 +91,52 @@ def placed_parameter_yaml(text: str, place: HysteresisPlace) -> str:
         len(lines))
     lines[end:end] = written
     return '\n'.join([*lines, *_facts(place, 'identified_dynamics' in text)]) + '\n'
+
+
+def _refined(
+    place: HysteresisPlace, order: dict[str, list[int]], is_sections: bool,
+) -> dict[str, str]:
+    """Return the refined dynamics as values of the file, nothing where they are no better."""
+    if not (place.is_decided and (place.rates_before or place.pairs_before)):
+        return {}
+    factors = place.candidates[0].factors
+    rates = [factors.rates_rad_per_s[i] for i in order['rates']]
+    pairs = [factors.pairs[i] for i in order['pairs']]
+    frequencies, dampings = ([pair[i] for pair in pairs] for i in range(2))
+    if is_sections:
+        zero_rates, zero_pairs = _zeros(factors.zeros)
+        return {
+            'gain_um_per_um': yaml_number(factors.gain),
+            'pole_rates_rad_per_s': yaml_list(rates),
+            'pole_frequencies_rad_per_s': yaml_list(frequencies),
+            'pole_damping_ratios': yaml_list(dampings),
+            'zero_rates_rad_per_s': yaml_list(zero_rates),
+            'zero_frequencies_rad_per_s': yaml_list(pair[0] for pair in zero_pairs),
+            'zero_damping_ratios': yaml_list(pair[1] for pair in zero_pairs)}
+    if len(factors.zeros) != 3 or not factors.zeros[2] > 0.0:
+        return {}  # (6) has b2 > 0
+    b2 = 1.0 / factors.zeros[2]
+    values = {
+        'gain_k_rad3_per_s3': (
+            factors.gain * math.prod(frequencies)**2 * rates[0] / b2),
+        'zero_b1_rad_per_s': factors.zeros[1] * b2,
+        'zero_b2_rad2_per_s2': b2,
+        'time_constant_s': 1.0 / rates[0]}
+    for number, (frequency, damping) in enumerate(pairs, start=1):
+        values[f'natural_frequency_{number}_rad_per_s'] = frequency
+        values[f'damping_ratio_{number}'] = damping
+    return {name: yaml_number(value) for name, value in values.items()}
+
+
+def _zeros(
+    coefficients: Sequence[float],
+) -> tuple[list[float], list[tuple[float, float]]]:
+    """Return the rates of the real zeros, and frequency and damping of the pairs."""
+    roots = np.roots(coefficients[::-1])
+    rates = [-float(root.real) for root in roots if root.imag == 0.0]
+    pairs = [
+        (float(abs(root)), -float(root.real / abs(root))) for root in roots if root.imag > 0.0]
+    return rates, pairs
 
 
 def _first(before: frozenset[int], count: int) -> list[int]:

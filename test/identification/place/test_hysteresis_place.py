@@ -176,32 +176,57 @@ FILE = """\
 """
 
 
-@pytest.fixture
-def pair_before():
-    best = Candidate(frozenset(), frozenset({1}), 2e-3, Factors(1.0, (), (MODE, AMPLIFIER)))
-    return HysteresisPlace(best.rates_before, best.pairs_before, True, (best,), 2e-3, 1.0, 0.0)
+def pair_before(is_decided):
+    best = Candidate(
+        frozenset(), frozenset({1}), 2e-3,
+        Factors(0.98, (2500.0,), (MODE, AMPLIFIER), (1.0, -1e-5, 1e-9)))
+    other = Candidate(frozenset(), frozenset(), 2e-3, best.factors)
+    return HysteresisPlace(
+        best.rates_before, best.pairs_before, is_decided, (best, other)[:2 - is_decided], 2e-3,
+        1.0, 0.0)
 
 
-def test_d1_the_pair_before_the_hysteresis_becomes_the_first_of_the_file(pair_before):
-    found = yaml.safe_load(placed_parameter_yaml(FILE, pair_before))
+def test_d1_the_pair_before_the_hysteresis_becomes_the_first_of_the_file():
+    place = pair_before(is_decided=False)
+    found = yaml.safe_load(placed_parameter_yaml(FILE, place))
     parameters, facts = (
         found[f'/**/{node}']['ros__parameters'] for node in ('trajectory', 'identified_dynamics'))
     assert parameters == {
         'natural_frequency_1_rad_per_s': 5600.0, 'damping_ratio_1': 0.6,
         'natural_frequency_2_rad_per_s': 7500.0, 'damping_ratio_2': 0.05,
-        'rates_before_hysteresis': 0, 'pairs_before_hysteresis': 1, 'hysteresis_place': 'known'}
+        'rates_before_hysteresis': 0, 'pairs_before_hysteresis': 1,
+        'hysteresis_place': 'undecided'}
     assert facts['natural_frequency_1_rad_per_s_standard_error'] == 3.0
-    assert facts['place_misfit_um'] == pair_before.misfit_um
+    assert facts['place_misfit_um'] == place.misfit_um
+    assert len(facts['place_candidates']) == 2
 
 
-def test_d1_listed_poles_before_the_hysteresis_become_the_first_of_the_file(pair_before):
+def test_d1_listed_poles_before_the_hysteresis_become_the_first_of_the_file():
     text = (
         '/**/trajectory:\n  ros__parameters:\n    dynamics: sections\n'
         '    pole_frequencies_rad_per_s: [7500.0, 5600.0]  # of pairs\n'
         '    pole_damping_ratios: [0.05, 0.6]\n    pairs_before_hysteresis: 0\n')
-    found = yaml.safe_load(placed_parameter_yaml(text, pair_before))
+    found = yaml.safe_load(placed_parameter_yaml(text, pair_before(is_decided=False)))
     parameters = found['/**/trajectory']['ros__parameters']
     assert parameters['pole_frequencies_rad_per_s'] == [5600.0, 7500.0]
     assert parameters['pole_damping_ratios'] == [0.6, 0.05]
     assert parameters['pairs_before_hysteresis'] == 1
     assert 'place_candidates' in found['/**/identified_dynamics']['ros__parameters']
+
+
+def test_where_the_place_is_decided_the_file_gets_the_refined_dynamics():
+    place = pair_before(is_decided=True)
+    text = DynamicsParameters().to_mapping()
+    lines = ''.join(f'    {name}: {value!r}\n' for name, value in text.items()
+                    if isinstance(value, float))
+    found = yaml.safe_load(placed_parameter_yaml(
+        '/**/trajectory:\n  ros__parameters:\n' + lines, place))['/**/trajectory']
+    values = {name: float(value) for name, value in found['ros__parameters'].items()
+              if name in text and isinstance(text[name], float)}
+    refined = Factors.of(DynamicsParameters.from_mapping(values))
+    factors = place.candidates[0].factors
+    assert refined.pairs == (AMPLIFIER, MODE)
+    assert refined.rates_rad_per_s == pytest.approx(factors.rates_rad_per_s)
+    assert refined.zeros == pytest.approx(factors.zeros)
+    assert refined.gain == pytest.approx(factors.gain)
+    assert found['ros__parameters']['hysteresis_place'] == 'known'
