@@ -85,7 +85,7 @@ def _make(options: argparse.Namespace, runs: list[Run]) -> Identified:
     source = response_source(options, runs)
     text = _rational_yaml(fit, source) if options.orders else fit.to_parameter_yaml(source=source)
     files = {
-        options.output: placed_model(options, text),
+        options.output: placed_model(options, text, runs),
         options.output.with_suffix(TABLE_SUFFIX): response_csv(response)}
     return Identified(with_picture(files, options, 'fitted_response_figure', response, fit))
 

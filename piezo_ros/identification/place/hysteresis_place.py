@@ -58,6 +58,7 @@ _LONGEST_WARM_UP: Final = 3000  # samples
 _MOST_CANDIDATES: Final = 32
 _CLEAR: Final = 3.0  # standard errors
 _CLEAR_RATIO: Final = 1.1
+_EXPLAINED: Final = 0.1  # of the displacement, which the best placement may miss
 _FARTHEST: Final = 0.7  # logarithm by which a refined parameter may differ
 _EVALUATIONS: Final = 8
 
@@ -121,7 +122,7 @@ class HysteresisPlace:
     rates_before, pairs_before : frozenset of int
         Indices of the real poles and of the pairs of the best candidate.
     is_decided : bool
-        Whether the records tell it from all others.
+        Whether the records tell it from all others, and it explains them.
     candidates : tuple of Candidate
         Those that the records cannot tell apart, the best first.
     misfit_um : float
@@ -147,6 +148,8 @@ class HysteresisPlace:
         percent = 100.0 * self.misfit_um / self.displacement_rms_um
         if self.is_decided:
             return f'{best}: known, misfit {self.misfit_um:.3g} um rms ({percent:.2g} %)'
+        if len(self.candidates) == 1:
+            return f'undecided: even the best, {best}, misses the record by {percent:.2g} %'
         others = '; '.join(str(each) for each in self.candidates)
         return (
             f'undecided among: {others} (misfit {percent:.2g} %, their predictions differ by '
@@ -210,7 +213,8 @@ def decide_hysteresis_place(
             np.mean((one - other)**2) for one, other in zip(best_errors, errors, strict=True)])))
         for _, _, errors in alike), default=0.0)
     return HysteresisPlace(
-        best.rates_before, best.pairs_before, not alike,
+        best.rates_before, best.pairs_before,
+        not alike and best.misfit_um < _EXPLAINED * rms,
         (best, *(entry[0] for entry in alike)), best.misfit_um, rms, 100.0 * spread / rms)
 
 

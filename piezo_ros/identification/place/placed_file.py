@@ -26,7 +26,7 @@ file gets the dynamics that were refined with the hysteresis in its place.
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Final
 
 import numpy as np
@@ -34,14 +34,13 @@ import numpy as np
 from piezo_ros.identification.place.hysteresis_place import HysteresisPlace
 from piezo_ros.identification.yaml_text import yaml_list, yaml_number
 
-__all__ = ['placed_parameter_yaml']
+__all__ = ['placed_parameter_yaml', 'undecided_parameter_yaml']
 
 _LISTED: Final = {
     'pole_rates_rad_per_s': 'rates', 'pole_frequencies_rad_per_s': 'pairs',
     'pole_damping_ratios': 'pairs'}
 _LINE: Final = re.compile(r'^( +)(\w+): ?(.*)$')
 _HEADER: Final = '  ros__parameters:'
-_PLACE_NAMES: Final = ('rates_before_hysteresis', 'pairs_before_hysteresis', 'hysteresis_place')
 
 
 def placed_parameter_yaml(text: str, place: HysteresisPlace) -> str:
@@ -59,27 +58,43 @@ def placed_parameter_yaml(text: str, place: HysteresisPlace) -> str:
     order = {
         'rates': _first(place.rates_before, len(place.candidates[0].factors.rates_rad_per_s)),
         'pairs': _first(place.pairs_before, len(place.candidates[0].factors.pairs))}
-    is_swapped = order['pairs'] == [1, 0]
     written = [
         f'    rates_before_hysteresis: {len(place.rates_before)}',
         f'    pairs_before_hysteresis: {len(place.pairs_before)}',
         f'    hysteresis_place: {"known" if place.is_decided else "undecided"}']
-    refined = _refined(place, order, 'dynamics: sections' in text)
+    refined = _refined(place, order, bool(re.search(r"dynamics: '?sections", text)))
+    return '\n'.join([
+        *_with_place(text, written, order, refined),
+        *_facts(place, 'identified_dynamics' in text)]) + '\n'
+
+
+def undecided_parameter_yaml(text: str) -> str:
+    """Return a parameter file of the dynamics that says that the place is not known."""
+    written = ['    hysteresis_place: undecided']
+    return '\n'.join(_with_place(text, written, {}, {})) + '\n'
+
+
+def _with_place(
+    text: str, written: Sequence[str], order: Mapping[str, list[int]], refined: Mapping[str, str],
+) -> list[str]:
+    """Return the lines of a file with the poles in another order and with the place."""
+    is_swapped = order.get('pairs') == [1, 0]
+    replaced = {line.split(':')[0].strip() for line in written}
     lines: list[str] = []
     found = {
         match[2]: line for line in text.splitlines() if (match := _LINE.match(line))}
     for line in text.splitlines():
         match = _LINE.match(line)
         name = match[2] if match else ''
-        if name in _PLACE_NAMES:
+        if name in replaced:
             continue
         if name in refined:
             lines.append(f'    {name}: {refined[name]}  # refined with the hysteresis in its place')
             continue
         kind = next((
             kind for listed, kind in _LISTED.items() if name.startswith(listed)), None)
-        if match and kind:
-            line = f'{match[1]}{name}: {_permuted(match[3], order[kind])}'
+        if match and kind in order:
+            line = f'{match[1]}{name}: {_permuted(match[3], order[str(kind)])}'
         elif match and is_swapped and _is_pair(name):
             other = _LINE.match(found[_twin(name)])
             assert other is not None
@@ -90,7 +105,7 @@ def placed_parameter_yaml(text: str, place: HysteresisPlace) -> str:
         i for i, line in enumerate(lines[at:], start=at) if not line.startswith('    ')),
         len(lines))
     lines[end:end] = written
-    return '\n'.join([*lines, *_facts(place, 'identified_dynamics' in text)]) + '\n'
+    return lines
 
 
 def _refined(
