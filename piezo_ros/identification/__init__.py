@@ -19,6 +19,7 @@ Identification: from arrays of recorded runs to models, controller gains and pre
 `prediction` the tracking errors to expect with both.
 """
 
+from piezo_ros.identification.dynamics.dynamics_fit import DynamicsFit, fit_dynamics
 from piezo_ros.identification.hysteresis.hysteresis_fit import (
     Coverage,
     HysteresisFit,
@@ -39,7 +40,6 @@ from piezo_ros.identification.prediction.operating_points import (
     recommend_scheme,
 )
 from piezo_ros.identification.prediction.tracking import TrackingPrediction, predict_tracking
-from piezo_ros.identification.response.dynamics_fit import DynamicsFit, fit_dynamics
 from piezo_ros.identification.response.frequency_response import (
     Amplifier,
     ExcludedPoint,

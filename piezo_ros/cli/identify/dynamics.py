@@ -18,13 +18,12 @@ import argparse
 import math
 from typing import Any
 
-import yaml
-
 from piezo_ros.bag import Run
 from piezo_ros.cli.identify.common import (
     TABLE_SUFFIX,
     Identified,
     add_common_arguments,
+    add_verdict_arguments,
     identify,
     with_picture,
 )
@@ -35,24 +34,28 @@ from piezo_ros.cli.identify.responses import (
     response_source,
     responses,
 )
-from piezo_ros.experiment.model_file import FORMAT_VERSION, RATIONAL_KIND
-from piezo_ros.identification.response.dynamics_fit import DynamicsFit
+from piezo_ros.identification.dynamics.dynamics_fit import STRUCTURES, DynamicsFit
 
 __all__ = ['add_kind']
+
+_MOST_CANDIDATES = 4  # that are printed
 
 
 def add_kind(kinds: Any) -> None:
     """Describe the arguments of this kind."""
     kind = kinds.add_parser(
-        'dynamics', help='G(s) of (6), from command and displacement of a stepped sine or '
-        'multisine')
+        'dynamics', help='G(s), (6) or another one that the points ask for, from command and '
+        'displacement of a stepped sine or multisine')
     kind.add_argument(
         '--maximum-frequency-hz', type=float, default=math.inf, metavar='F',
         help='leave out what is above')
     kind.add_argument(
+        '--structure', choices=STRUCTURES,
+        help='liu: (6); rational: the orders of --orders; auto: (6) where it explains the points '
+        'as well as the best model, else the smallest that does (default)')
+    kind.add_argument(
         '--orders', type=int, nargs=2, metavar=('NUM', 'DEN'),
-        help='fit a stable rational G(s) of these orders in place of (6); for piezo tune, the '
-        'nodes know (6) only')
+        help='fit a stable rational G(s) of these orders')
     kind.add_argument(
         '--delay-samples', type=float, default=0.0, metavar='D', help='known delay (default: 0)')
     kind.add_argument(
@@ -61,6 +64,7 @@ def add_kind(kinds: Any) -> None:
     add_response_arguments(kind)
     add_table_arguments(kind)
     add_place_arguments(kind)
+    add_verdict_arguments(kind)
     kind.set_defaults(function=lambda options: identify(
         _make, options, further_suffixes=(TABLE_SUFFIX,)))
 
@@ -69,31 +73,47 @@ def _make(options: argparse.Namespace, runs: list[Run]) -> Identified:
     from piezo_ros.identification import fit_dynamics, merge
     from piezo_ros.identification.response.response_csv import response_csv
     response = merge(responses(options, runs))
-    structure: dict[str, Any] = {}
-    if options.orders:
-        numerator, denominator = options.orders
-        structure = {
-            'structure': 'rational', 'numerator_order': numerator,
-            'denominator_order': denominator, 'fit_delay': options.fit_delay}
-    elif options.fit_delay:
-        raise ValueError('--fit-delay belongs to --orders: (6) has no delay to fit')
     fit = fit_dynamics(
         response, maximum_frequency_hz=options.maximum_frequency_hz,
-        delay_samples=options.delay_samples, **structure)
-    for name, error in fit.standard_errors.items():
-        print(f'{name:32}{fit.values[name]:14.6g} ± {error:.2g}')
-    source = response_source(options, runs)
-    text = _rational_yaml(fit, source) if options.orders else fit.to_parameter_yaml(source=source)
+        delay_samples=options.delay_samples, **_structure(options))
+    _print(fit)
+    table = options.output.with_suffix(TABLE_SUFFIX)
+    text = fit.to_parameter_yaml(response_source(options, runs), points_file=table.name)
     files = {
         options.output: placed_model(options, text, runs),
-        options.output.with_suffix(TABLE_SUFFIX): response_csv(response)}
-    return Identified(with_picture(files, options, 'fitted_response_figure', response, fit))
+        table: response_csv(response)}
+    return Identified(
+        with_picture(files, options, 'fitted_response_figure', response, fit),
+        fit.validation.verdict)
 
 
-def _rational_yaml(fit: DynamicsFit, source: str) -> str:
-    numerator, denominator = fit.polynomials
-    return yaml.safe_dump({
-        'format_version': FORMAT_VERSION, 'kind': RATIONAL_KIND, 'source': source,
-        'numerator': numerator.tolist(), 'denominator': denominator.tolist(),
-        'delay_s': fit.delay_s, 'sample_period_s': fit.sample_period_s,
-        'standard_errors': dict(fit.standard_errors)}, sort_keys=False)
+def _structure(options: argparse.Namespace) -> dict[str, Any]:
+    structure = options.structure or ('rational' if options.orders else 'auto')
+    if structure == 'rational':
+        if not options.orders:
+            raise ValueError('--structure rational needs --orders NUM DEN')
+        numerator, denominator = options.orders
+        return {
+            'structure': structure, 'numerator_order': numerator,
+            'denominator_order': denominator, 'fit_delay': options.fit_delay}
+    if options.orders:
+        raise ValueError(f'--orders belongs to --structure rational, not to {structure}')
+    if options.fit_delay:
+        raise ValueError(
+            '--fit-delay belongs to --orders: (6) has no delay to fit, and --structure auto tries '
+            'one by itself')
+    return {'structure': structure}
+
+
+def _print(fit: DynamicsFit) -> None:
+    for name, error in fit.standard_errors.items():
+        known = f'± {error:.2g}' if math.isfinite(error) else 'not determined'
+        print(f'{name:32}{fit.values[name]:14.6g} {known}')
+    for candidate in fit.candidates[:_MOST_CANDIDATES]:
+        print(f'orders {candidate.name:16} BIC {candidate.criterion:12.1f}')
+    validation = fit.validation
+    print(
+        f'points left out of the fit in turn are explained to '
+        f'{validation.held_out_fit_percent:.4g} %, residuals are '
+        f'{"" if validation.residual_is_white else "not "}white; usable up to '
+        f'{validation.usable_to_hz:.4g} Hz')

@@ -14,7 +14,6 @@
 
 """Draws the results of an identification: measurements beside the fitted model."""
 
-import math
 from typing import Final
 
 import numpy as np
@@ -35,7 +34,6 @@ __all__ = ['bound_figure', 'fitted_response_figure', 'residual_figure']
 _MOST_PLOTTED: Final = 4000  # points of a curve; more cannot be distinguished
 _MOST_AMPLITUDES: Final = 6
 _MODEL_POINTS: Final = 300
-_RADIUS_95: Final = math.sqrt(-math.log(0.05))  # of a circle, in roots of E|error|^2
 
 
 def residual_figure(fit: HysteresisFit) -> Figure:
@@ -99,7 +97,7 @@ def fitted_response_figure(response: FrequencyResponse, fit: DynamicsFit) -> Fig
     frequency_hz = np.geomspace(*fit.frequency_range_hz, _MODEL_POINTS)
     curves.append(ResponseCurve(
         'model', frequency_hz, fit.sampled_response(frequency_hz),
-        _RADIUS_95 * fit.response_standard_error(frequency_hz), style='line'))
+        fit.response_confidence_radius(frequency_hz), style='line'))
     return response_figure(curves, title='Compensated actuator', unit='µm/µm')
 
 

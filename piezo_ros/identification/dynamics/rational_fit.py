@@ -19,29 +19,30 @@ A rational model fitted to a sampled frequency response by weighted least square
 
 over the parameters of `rational_model`, H(w) being the response of the model behind the zero-order
 hold and H_k the measured points. The model error e is 0 where the noise explains the residual; else
-it is the value for which the weighted sum of squares equals the degrees of freedom.
+it is the value for which the weighted sum of squares equals the degrees of freedom. With v_k the
+variance of point k, model error included, models are compared by the Bayesian criterion
+
+    BIC = 2 sum_k (log v_k + |H(w_k) - H_k|^2/v_k) + P log(2 N)
 """
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq, least_squares
 
+from piezo_ros.identification.dynamics.linear_starts import linear_starts
+from piezo_ros.identification.dynamics.rational_model import Sections, Shape, sampled_response
+from piezo_ros.identification.estimation.covariance import Covariance
 from piezo_ros.identification.response.frequency_response import FrequencyResponse
-from piezo_ros.identification.response.rational_model import (
-    Sections,
-    Shape,
-    sampled_response,
-    start_from_response,
-    with_best_numerator,
-)
 
-__all__ = ['RationalFit', 'RationalProblem', 'fit_rational']
+__all__ = ['FASTEST', 'RationalFit', 'RationalProblem', 'bootstrapped', 'fit_rational']
 
-_FASTEST = 10.0  # over the highest measured frequency: faster poles do not show in the points
+FASTEST = 1e3  # over the highest measured frequency: such poles and zeros do not show in the points
 _DAMPING = (1e-4, 1e2)
+_AT_BOUND = 1e-3  # distance, of a logarithm or relative
 _EVALUATIONS = 100
 _STARTS = 4  # of which the best is taken
 _MODEL_ERROR_ROUNDS = 4
@@ -62,7 +63,8 @@ class RationalProblem(NamedTuple):
 
     @classmethod
     def of(
-        cls, shape: Shape, points: FrequencyResponse, delay_samples: float, positive: bool,
+        cls, shape: Shape, points: FrequencyResponse, delay_samples: float = 0.0, *,
+        positive: bool = False, fastest: float = FASTEST, least_delay_samples: float = 0.0,
     ) -> 'RationalProblem':
         """
         Scale the points and set the bounds.
@@ -73,10 +75,14 @@ class RationalProblem(NamedTuple):
             Orders of the model.
         points : FrequencyResponse
             Points of the sampled response.
-        delay_samples : float
+        delay_samples : float, optional
             Known delay, in samples.
-        positive : bool
+        positive : bool, optional
             Whether gain and zeros are bounded as those of (6) in Liu 2015.
+        fastest : float, optional
+            Bound of the poles over the highest frequency.
+        least_delay_samples : float, optional
+            Bound of the whole delay, in samples, where a delay is fitted.
 
         """
         omega = 2.0 * np.pi * points.frequency_hz
@@ -89,17 +95,24 @@ class RationalProblem(NamedTuple):
         if positive:  # (6) has k > 0 and b2 > 0, and its zeros are no faster than its poles
             gain = float(np.abs(points.response).max())
             numerator = gain * np.array([1e3, 1e2, 1e4])
-            low_numerator = gain * np.array([1e-3, -1e2, _FASTEST**-2])
+            low_numerator = gain * np.array([1e-3, -1e2, fastest**-2])
         lower = np.concatenate([
             np.full(sections, slowest), np.full(shape.second_order, math.log(_DAMPING[0])),
-            low_numerator, np.full(int(shape.fits_delay), -delay_samples * period)])
+            low_numerator, np.full(
+                int(shape.fits_delay), (least_delay_samples - delay_samples) * period)])
         upper = np.concatenate([
-            np.full(sections, math.log(_FASTEST)),
+            np.full(sections, math.log(fastest)),
             np.full(shape.second_order, math.log(_DAMPING[1])),
             numerator, np.full(int(shape.fits_delay), np.inf)])
         return cls(
             shape, omega / reference, points.response, points.variance, period,
             delay_samples * period, reference, lower, upper)
+
+    def seeing(self, points: FrequencyResponse) -> 'RationalProblem':
+        """Return the same problem with other points, in the same units."""
+        return self._replace(
+            frequency=2.0 * np.pi * points.frequency_hz / self.reference,
+            measured=points.response, variance=points.variance)
 
     @property
     def power(self) -> NDArray[np.float64]:
@@ -110,6 +123,12 @@ class RationalProblem(NamedTuple):
         """
         gain = np.abs(self.measured)
         return np.asarray(gain * gain.max())
+
+    def without_hold(self, delay: float) -> NDArray[np.complex128]:
+        """Return the points without hold and a delay: nearly G, below the Nyquist frequency."""
+        turn = 1j * self.frequency * self.sample_period
+        return np.asarray(
+            self.measured * (turn / -np.expm1(-turn)) * np.exp(1j * self.frequency * delay))
 
     def weight(self, model_error: float) -> NDArray[np.float64]:
         """Return inverse standard errors of the real and of the imaginary parts, shape (N,)."""
@@ -157,7 +176,7 @@ class RationalProblem(NamedTuple):
             bounds=(self.lower, self.upper), x_scale='jac', max_nfev=_EVALUATIONS,
             xtol=1e-10, ftol=1e-10, gtol=1e-10)
         return _LocalOptimum(
-            Sections.split(self.shape, found.x, self.delay), slopes(found.x),
+            Sections.split(self.shape, found.x, self.delay), found.x, slopes(found.x),
             2.0 * float(found.cost))
 
 
@@ -165,6 +184,7 @@ class _LocalOptimum(NamedTuple):
     """Where least squares ended from one start."""
 
     sections: Sections
+    vector: NDArray[np.float64]  # (P,)
     jacobian: NDArray[np.float64]  # (2 N, P), weighted
     squares: float
 
@@ -175,10 +195,14 @@ class RationalFit(NamedTuple):
 
     Attributes
     ----------
+    problem : RationalProblem
+        What was fitted.
     sections : Sections
         The model.
-    covariance : ndarray, shape (P, P)
+    covariance : Covariance
         Of the parameter vector, scaled by the residual that is left.
+    at_bound : ndarray of bool, shape (P,)
+        Parameters that ended at a bound: their values are not estimates.
     reduced_chi_squared : float
         Squared residual over that of the noise.
     model_error : float
@@ -186,13 +210,51 @@ class RationalFit(NamedTuple):
 
     """
 
+    problem: RationalProblem
     sections: Sections
-    covariance: NDArray[np.float64]
+    covariance: Covariance
+    at_bound: NDArray[np.bool_]
     reduced_chi_squared: float
     model_error: float
 
+    @property
+    def explains(self) -> bool:
+        """Whether the noise of the points explains the residual."""
+        return self.model_error == 0.0
 
-def fit_rational(problem: RationalProblem) -> RationalFit:
+    def bayesian_criterion(self, least_error: float = 0.0) -> float:
+        """
+        Return BIC, of which the smallest is best; see the top of this module.
+
+        Parameters
+        ----------
+        least_error : float, optional
+            Model error that no structure is believed to fall below.
+
+        """
+        problem = self.problem
+        return (self.deviance(problem, least_error)
+                + problem.shape.size * math.log(2 * problem.frequency.size))
+
+    def deviance(self, points: RationalProblem, least_error: float = 0.0) -> float:
+        """
+        Return -2 log of the likelihood of points, by this model and its error.
+
+        Parameters
+        ----------
+        points : RationalProblem
+            The points, in the units of `problem`; not necessarily those that were fitted.
+        least_error : float, optional
+            As for `bayesian_criterion`.
+
+        """
+        value, _ = sampled_response(self.sections, points.frequency, points.sample_period)
+        variance = points.variance + max(self.model_error, least_error)**2 * points.power
+        return float(2.0 * np.sum(
+            np.log(variance) + np.abs(value - points.measured)**2 / variance))
+
+
+def fit_rational(problem: RationalProblem, starts: Sequence[Sections] = ()) -> RationalFit:
     """
     Return the best model of several starts.
 
@@ -200,6 +262,8 @@ def fit_rational(problem: RationalProblem) -> RationalFit:
     ----------
     problem : RationalProblem
         Points and bounds.
+    starts : sequence of Sections, optional
+        Models of this shape to start from, besides those of the linear problems.
 
     Returns
     -------
@@ -207,11 +271,11 @@ def fit_rational(problem: RationalProblem) -> RationalFit:
         The model with the covariance of its parameters.
 
     """
-    degrees = 2 * problem.frequency.size - problem.shape.size
+    degrees = max(2 * problem.frequency.size - problem.shape.size, 1)
     # Noise alone exceeds this chi squared in one of a thousand cases.
     enough = 1.0 + 3.1 * math.sqrt(2.0 / degrees)
     best: _LocalOptimum | None = None
-    for start in _starts(problem):
+    for start in [*starts, *_best_starts(problem)]:
         refined = problem.refine(start, 0.0)
         # Two starts with the same result have found the optimum, and noise alone cannot be reduced.
         met = best is not None and abs(refined.squares - best.squares) < 1e-4 * best.squares
@@ -228,12 +292,50 @@ def fit_rational(problem: RationalProblem) -> RationalFit:
             best = problem.refine(best.sections, model_error)
             if abs(model_error - before) < 1e-2 * model_error:
                 break
-    # Scaled by the residual: the variances of the points are themselves estimates.
-    residual = problem.residual(best.sections, model_error)
-    scale = float(residual @ residual) / degrees
-    covariance = np.asarray(
-        scale * np.linalg.pinv(best.jacobian.T @ best.jacobian, hermitian=True, rcond=1e-14))
-    return RationalFit(best.sections, covariance, chi_squared, model_error)
+    return RationalFit(
+        problem, best.sections,
+        # Scaled by the residual: the variances of the points are themselves estimates.
+        Covariance.of(best.jacobian, best.squares / degrees),
+        _at_bound(problem, best.vector), chi_squared, model_error)
+
+
+def bootstrapped(fit: RationalFit, resamples: int) -> RationalFit:
+    """
+    Return the same fit with the covariance of fits to points that are drawn about its model.
+
+    Parameters
+    ----------
+    fit : RationalFit
+        The fit.
+    resamples : int
+        Number of further fits, at least 2.
+
+    """
+    problem = fit.problem
+    value, _ = sampled_response(fit.sections, problem.frequency, problem.sample_period)
+    degrees = max(2 * problem.frequency.size - problem.shape.size, 1)
+    residual = problem.residual(fit.sections, fit.model_error)
+    size = math.sqrt(float(residual @ residual) / degrees) / problem.weight(fit.model_error)
+    generator = np.random.default_rng(0)  # the same points give the same errors
+    vectors = []
+    for _ in range(resamples):
+        noise = generator.normal(size=value.size) + 1j * generator.normal(size=value.size)
+        drawn = problem._replace(measured=value + size * noise)
+        vectors.append(drawn.refine(fit.sections, fit.model_error).vector)
+    return fit._replace(covariance=Covariance.of_sample(np.array(vectors)))
+
+
+def _at_bound(
+    problem: RationalProblem, vector: NDArray[np.float64],
+) -> NDArray[np.bool_]:
+    """Return which parameters are at a bound; a delay of none is no bound but an estimate."""
+    logarithms = problem.shape.first_order + 2 * problem.shape.second_order
+    reach = np.where(
+        np.arange(vector.size) < logarithms, _AT_BOUND, _AT_BOUND * np.abs(vector))
+    near = (vector - problem.lower < reach) | (problem.upper - vector < reach)
+    if problem.shape.fits_delay:
+        near[-1] = False
+    return np.asarray(near)
 
 
 def _model_error(problem: RationalProblem, sections: Sections, degrees: int) -> float:
@@ -251,30 +353,16 @@ def _model_error(problem: RationalProblem, sections: Sections, degrees: int) -> 
     return math.exp(float(brentq(excess, low, high, xtol=1e-3)))
 
 
-def _starts(problem: RationalProblem) -> list[Sections]:
-    """Return starts, best first: linearised fits, and poles spread over the frequencies."""
+def _best_starts(problem: RationalProblem) -> list[Sections]:
+    """Return the starts of least residual, best first."""
     shape, omega = problem.shape, problem.frequency
     delays = [problem.delay]
     if shape.fits_delay:
         delays += [problem.delay + turn for turn in (0.25, 0.5, 1.0, 2.0, 4.0)]
-    hold = -np.expm1(-1j * omega * problem.sample_period) / (1j * omega * problem.sample_period)
-    starts = []
-    for delay in delays:
-        continuous = problem.measured / hold * np.exp(1j * omega * delay)
-        terms = np.asarray(
-            (1j * omega)[:, None]**np.arange(shape.numerator_order + 1), dtype=np.complex128)
-        # Weighted by the noise, and evenly: points of little noise may be few.
-        for weight in (problem.weight(0.0), 1.0 / np.abs(problem.measured)):
-            linear = start_from_response(shape, omega, continuous, weight)
-            starts.append(linear._replace(delay=delay))
-        for top in (1.0, 3.0):
-            count = shape.first_order + shape.second_order
-            corner = top * np.geomspace(0.2, 1.0, count)
-            spread = Sections(
-                np.log(corner[:shape.first_order]), np.log(corner[shape.first_order:]),
-                np.full(shape.second_order, math.log(0.3)), np.ones(1), 0.0)
-            starts.append(with_best_numerator(
-                spread, terms, omega, continuous, problem.weight(0.0))._replace(delay=delay))
+    starts = [
+        start._replace(delay=delay) for delay in delays
+        for start in linear_starts(
+            shape, omega, problem.without_hold(delay), problem.weight(0.0))]
     squares = [
         float(np.sum(problem.residual(start, 0.0)**2)) for start in starts]
     order = np.argsort([value if math.isfinite(value) else math.inf for value in squares])

@@ -41,17 +41,12 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import lstsq
 
-__all__ = [
-    'Sections', 'Shape', 'polynomials', 'response', 'sampled_response', 'start_from_response',
-    'with_best_numerator',
-]
+__all__ = ['Sections', 'Shape', 'polynomials', 'response', 'sampled_response']
 
 # Aliases on either side, by the relative degree; the remainder is below 1e-6 of the response.
 _ALIASES_DEGREE_1_2 = 12
 _ALIASES_ELSE = 8
-_SANATHANAN_KOERNER_ROUNDS = 20
 
 
 class Shape(NamedTuple):
@@ -204,114 +199,6 @@ def _ramp_tail(
     slope = -sample_period * z**-whole / (z - 1.0)
     decay = np.exp(-s * delay)
     return ramp - (decay / s**2).sum(axis=1), slope + (decay / s).sum(axis=1)
-
-
-def start_from_response(
-    shape: Shape, angular_frequency: NDArray[np.float64], continuous: NDArray[np.complex128],
-    weight: NDArray[np.float64],
-) -> Sections:
-    """
-    Return a stable start by Levy's linearised fit, reweighted after Sanathanan and Koerner.
-
-    Parameters
-    ----------
-    shape : Shape
-        The orders.
-    angular_frequency : ndarray, shape (N,)
-        In units of the reference frequency, best of order 1.
-    continuous : ndarray of complex, shape (N,)
-        Response divided by hold and known delay.
-    weight : ndarray, shape (N,)
-        Inverse standard errors.
-
-    Returns
-    -------
-    Sections
-        The model; its delay is 0.
-
-    """
-    s = 1j * angular_frequency
-    zeros, poles = shape.numerator_order, shape.denominator_order
-    numerator_terms = np.asarray(s[:, None]**np.arange(zeros + 1), dtype=np.complex128)
-    # The constant of the denominator is 1.
-    denominator_terms = s[:, None]**np.arange(1, poles + 1)
-    linear = np.hstack([numerator_terms, -continuous[:, None] * denominator_terms])
-    present = np.ones_like(continuous)
-    coefficients = np.zeros(zeros + poles + 1)
-    for _ in range(_SANATHANAN_KOERNER_ROUNDS):
-        row = (weight / np.abs(present))[:, None]
-        a = np.vstack([(row * linear).real, (row * linear).imag])
-        right = row[:, 0] * continuous
-        scale = np.linalg.norm(a, axis=0)
-        scale[scale == 0.0] = 1.0
-        coefficients = lstsq(a / scale, np.concatenate([right.real, right.imag]))[0] / scale
-        present = 1.0 + denominator_terms @ coefficients[zeros + 1:]
-        if not np.all(np.abs(present) > 0.0):
-            break
-    denominator = np.concatenate([coefficients[:zeros:-1], [1.0]])
-    return _sections_of(shape, denominator, numerator_terms, angular_frequency, continuous, weight)
-
-
-def _sections_of(
-    shape: Shape, denominator: NDArray[np.float64], numerator_terms: NDArray[np.complex128],
-    angular_frequency: NDArray[np.float64], continuous: NDArray[np.complex128],
-    weight: NDArray[np.float64],
-) -> Sections:
-    """Reflect poles into the left half plane, pair them and fit the numerator once more."""
-    top = float(angular_frequency.max())
-    poles = np.roots(denominator)
-    poles = -np.abs(poles.real) + 1j * poles.imag
-    # Coefficients that vanish lose poles, which are replaced by fast ones.
-    missing = shape.denominator_order - poles.size
-    poles = np.concatenate([poles, -3.0 * top * np.arange(1, missing + 1)])
-    pairs = sorted(poles[poles.imag > 0.0].tolist(), key=abs)
-    real = sorted(np.abs(poles[poles.imag == 0.0].real).tolist())
-    sections = [(abs(pole), max(-pole.real / abs(pole), 1e-3)) for pole in pairs]
-    while len(sections) > shape.second_order:  # too few real poles: split a pair
-        frequency, damping = max(sections, key=lambda section: section[1])
-        sections.remove((frequency, damping))
-        real = sorted([*real, frequency, frequency])
-    while len(sections) < shape.second_order:  # too many: the fastest two become a pair
-        fast, faster = real[-2:]
-        del real[-2:]
-        frequency = np.sqrt(fast * faster)
-        sections.append((frequency, 0.5 * (fast + faster) / frequency))
-    sections.sort()
-    low = 1e-2 * float(angular_frequency.min())
-    start = Sections(
-        np.log(np.clip(real, low, 1e2 * top)),
-        np.log(np.clip([frequency for frequency, _ in sections], low, 1e2 * top)),
-        np.log(np.clip([damping for _, damping in sections], 1e-3, 1e1)),
-        np.ones(1), 0.0)
-    return with_best_numerator(start, numerator_terms, angular_frequency, continuous, weight)
-
-
-def with_best_numerator(
-    poles: Sections, numerator_terms: NDArray[np.complex128],
-    angular_frequency: NDArray[np.float64], continuous: NDArray[np.complex128],
-    weight: NDArray[np.float64],
-) -> Sections:
-    """
-    Return the same poles with the numerator that fits best, a linear problem.
-
-    Parameters
-    ----------
-    poles : Sections
-        The poles; numerator and delay are not used.
-    numerator_terms : ndarray of complex, shape (N, n + 1)
-        Powers of s from 0 to n at every frequency.
-    angular_frequency, continuous, weight
-        As for `start_from_response`.
-
-    """
-    value, _ = response(
-        poles._replace(numerator=np.ones(1), delay=0.0),
-        np.asarray(1j * angular_frequency, dtype=np.complex128))
-    design = (weight * value)[:, None] * numerator_terms
-    right = weight * continuous
-    numerator = lstsq(
-        np.vstack([design.real, design.imag]), np.concatenate([right.real, right.imag]))[0]
-    return poles._replace(numerator=np.asarray(numerator))
 
 
 def polynomials(

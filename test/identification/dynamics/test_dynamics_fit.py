@@ -23,19 +23,19 @@ from piezo_ros import paper
 from piezo_ros.control import TrajectoryParameters
 from piezo_ros.control.excitation import multisine, odd_lines
 from piezo_ros.control.excitation import stepped_sine as build_stepped_sine
-from piezo_ros.identification.response.dynamics_fit import fit_dynamics
+from piezo_ros.identification.dynamics.dynamics_fit import fit_dynamics
+from piezo_ros.identification.dynamics.rational_model import (
+    Sections,
+    Shape,
+    polynomials,
+    sampled_response,
+)
 from piezo_ros.identification.response.frequency_response import (
     Amplifier,
     FrequencyResponse,
     frequency_response,
 )
 from piezo_ros.identification.response.offline_excitation import run_excitation_offline
-from piezo_ros.identification.response.rational_model import (
-    Sections,
-    Shape,
-    polynomials,
-    sampled_response,
-)
 from piezo_ros.model import (
     DynamicsParameters,
     LinearDynamics,
@@ -299,9 +299,10 @@ def test_the_trajectory_node_loads_the_parameter_file_unchanged():
         synthetic(frequency, sampled_truth(DynamicsParameters(), frequency), 1e-5))
     text = fit.to_parameter_yaml('bags/dynamics_1\nbags/dynamics_2')
     loaded = yaml.safe_load(text)
-    assert list(loaded) == ['/**/trajectory']
+    assert list(loaded) == ['/**/trajectory', '/**/identified_dynamics']
     parameters = loaded['/**/trajectory']['ros__parameters']
-    assert parameters == {**fit.parameters.to_mapping(), 'model_response': 'sampled'}
+    assert parameters == {
+        **fit.values, 'hysteresis_place': 'undecided', 'model_response': 'sampled'}
     assert TrajectoryParameters.from_mapping(parameters).dc_gain == fit.parameters.dc_gain
     assert '# source: bags/dynamics_1' in text
     assert '# source: bags/dynamics_2' in text
@@ -311,13 +312,28 @@ def test_the_trajectory_node_loads_the_parameter_file_unchanged():
         assert f'# standard error {error:.3g}' in line
 
 
-def test_another_structure_has_no_parameter_file():
+def test_another_structure_is_written_as_sections_that_the_node_loads():
     frequency = np.geomspace(50.0, 15000.0, 40)
     fit = fit_dynamics(
-        synthetic(frequency, sampled_truth(DynamicsParameters(), frequency), 1e-5),
-        structure='rational', numerator_order=2, denominator_order=5)
+        synthetic(frequency, half_sample_delayed(frequency), 1e-5), structure='rational',
+        numerator_order=1, denominator_order=3, fit_delay=True)
+    parameters = yaml.safe_load(fit.to_parameter_yaml('a bag'))['/**/trajectory'][
+        'ros__parameters']
+    assert parameters['dynamics'] == 'sections'
+    loaded = LinearDynamics(DynamicsParameters.among(parameters))
+    assert loaded.delay_s == fit.delay_s
+    assert loaded.sampled_response(frequency, TS) == pytest.approx(
+        fit.sampled_response(frequency), rel=1e-4)
+    assert TrajectoryParameters.among(parameters).hysteresis_place == 'undecided'
+    assert fit.parameters == loaded.parameters
+
+
+def test_a_model_of_negative_gain_is_no_stage():
+    frequency = np.geomspace(50.0, 15000.0, 40)
+    fit = fit_dynamics(
+        synthetic(frequency, -half_sample_delayed(frequency), 1e-5), structure='auto')
     assert fit.parameters is None
-    with pytest.raises(ValueError, match="structure 'rational' has no parameter file"):
+    with pytest.raises(ValueError, match=r'the dc gain of the model is -0\.9'):
         fit.to_parameter_yaml('a bag')
 
 
