@@ -30,7 +30,7 @@ squared errors are clearly smaller than those of each other one, stretch by stre
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -60,7 +60,9 @@ _CLEAR: Final = 3.0  # standard errors
 _CLEAR_RATIO: Final = 1.1
 _EXPLAINED: Final = 0.1  # of the displacement, which the best placement may miss
 _FARTHEST: Final = 0.7  # logarithm by which a refined parameter may differ
+_SIGN_KEPT: Final = 0.99  # share of the last coefficient of the numerator that may vanish
 _EVALUATIONS: Final = 8
+_FINAL_EVALUATIONS: Final = 25  # of the best, by all stretches
 
 
 class TimeRecord(NamedTuple):
@@ -95,7 +97,7 @@ class Candidate:
     misfit_um : float
         Rms of the error of the held-out stretches.
     factors : Factors
-        The refined dynamics.
+        The refined dynamics; those of the best by all of the records.
 
     """
 
@@ -212,6 +214,9 @@ def decide_hysteresis_place(
         math.sqrt(float(np.mean([
             np.mean((one - other)**2) for one, other in zip(best_errors, errors, strict=True)])))
         for _, _, errors in alike), default=0.0)
+    choice = Placement(tuple(sorted(best.rates_before)), tuple(sorted(best.pairs_before)))
+    best = replace(best, factors=_refined(
+        best.factors, choice, operator, stretches, _FINAL_EVALUATIONS))
     return HysteresisPlace(
         best.rates_before, best.pairs_before,
         not alike and best.misfit_um < _EXPLAINED * rms,
@@ -301,7 +306,7 @@ def _settled(
 
 def _refined(
     factors: Factors, placement: Placement, operator: MaxwellResistiveCapacitor,
-    train: Sequence[_Stretch],
+    train: Sequence[_Stretch], evaluations: int = _EVALUATIONS,
 ) -> Factors:
     """Return the dynamics that explain the stretches best behind and before the hysteresis."""
     size = 1 + len(factors.rates_rad_per_s) + 2 * len(factors.pairs)
@@ -329,7 +334,11 @@ def _refined(
         return np.concatenate([
             _error(stretch, now, placement, operator) for stretch in train])
 
+    lower = np.full(size + zeros, -_FARTHEST)
+    if zeros and factors.zeros[-1] > 0.0:
+        # A numerator of even order keeps the sign that (6) has.
+        lower[-1] = max(lower[-1], -_SIGN_KEPT * factors.zeros[-1] * reference**zeros)
     found = least_squares(
-        residual, np.zeros(size + zeros), bounds=(-_FARTHEST, _FARTHEST), x_scale='jac',
-        diff_step=[1e-4] * (size + zeros), max_nfev=_EVALUATIONS, ftol=1e-3, xtol=1e-4)
+        residual, np.zeros(size + zeros), bounds=(lower, _FARTHEST), x_scale='jac',
+        diff_step=[1e-4] * (size + zeros), max_nfev=evaluations, ftol=1e-4, xtol=1e-5)
     return changed(found.x)
