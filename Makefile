@@ -49,6 +49,7 @@ bench: $(DEMO_READY)  ## measure this machine into docs/bench, several minutes; 
 	mkdir -p docs/bench
 	$(BIN)/python -m benchmarks --json docs/bench/reference.json
 	$(BIN)/python -m benchmarks --draw docs/bench/reference.json -o docs/bench/reference.svg
+	$(BIN)/python -m benchmarks.response_peers
 
 test: $(TEST_READY)  ## style, types, tiers (test_lint.py), all other tests but the slow ones; coverage
 	$(TELL)

@@ -153,13 +153,16 @@ def test_beside_the_dynamics_lie_the_measured_points_and_a_picture(stage):
 def test_a_rational_model_of_other_orders_serves_to_tune(stage, identify, tmp_path, capsys):
     code, out, _ = identify(
         'dynamics', *sorted((stage / 'runs' / 'bags').glob('001_*')), '--compensator',
-        stage / 'compensator.yaml', '--orders', 3, 6, '--fit-delay')
+        stage / 'compensator.yaml', '--orders', 2, 5)
     assert code == 0
-    model = yaml.safe_load((tmp_path / 'model.yaml').read_text())
-    assert model['kind'] == 'rational_dynamics'
-    assert (len(model['numerator']), len(model['denominator'])) == (4, 7)
-    assert model['delay_s'] >= 0.0
-    assert model['standard_errors'].keys() <= {line.split()[0] for line in out.splitlines()}
+    assert out.splitlines()[-1].startswith('verdict: good')
+    found = parameters(tmp_path / 'model.yaml', 'trajectory')
+    assert found['dynamics'] == 'sections'
+    assert len(found['pole_frequencies_rad_per_s']) == 2
+    facts = parameters(tmp_path / 'model.yaml', 'identified_dynamics')
+    assert facts['points_file'] == 'model.csv'
+    assert facts['numerator_order'] == 2
+    assert facts['samples_used'] > 50000
     gains = tmp_path / 'gains.yaml'
     assert main(['tune', str(tmp_path / 'model.yaml'), '--sample-period-s', '1e-4', '--bound',
                  'none', '-o', str(gains)]) == 0
@@ -168,6 +171,31 @@ def test_a_rational_model_of_other_orders_serves_to_tune(stage, identify, tmp_pa
     own, of_six = (parameters(path, 'controller')['integral_gain_per_s'] for path in (
         gains, stage / 'controller.yaml'))
     assert own == pytest.approx(of_six, rel=0.1)
+
+
+def test_d5_a_model_that_does_not_explain_its_points_is_exit_4(stage, identify, tmp_path):
+    arguments = (
+        'dynamics', *sorted((stage / 'runs' / 'bags').glob('001_*')), '--compensator',
+        stage / 'compensator.yaml', '--orders', 0, 1)
+    code, out, _ = identify(*arguments)
+    assert code == 4
+    assert 'verdict: do not trust, because the model misses the points by' in out
+    verdict = parameters(tmp_path / 'model.yaml', 'identified_dynamics')['verdict']
+    assert verdict.startswith('do not trust')
+    code, _, _ = identify(*arguments, '--force', '--accept-poor')
+    assert code == 0
+
+
+@pytest.mark.parametrize(('options', 'complaint'), [
+    (('--structure', 'rational'), '--structure rational needs --orders NUM DEN'),
+    (('--structure', 'liu', '--orders', 0, 1), '--orders belongs to --structure rational'),
+])
+def test_orders_and_structure_must_fit_each_other(stage, identify, options, complaint):
+    code, _, err = identify(
+        'dynamics', *sorted((stage / 'runs' / 'bags').glob('001_*')), '--compensator',
+        stage / 'compensator.yaml', *options)
+    assert code == 1
+    assert complaint in err
 
 
 def test_a_delay_is_fitted_with_other_orders_only(stage, identify):

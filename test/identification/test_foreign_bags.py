@@ -290,7 +290,7 @@ def test_d8_for_the_dynamics_a_sample_that_is_no_number_is_named_and_costs_no_fr
     code, model, said = identify('dynamics', tmp_path / 'bag', '--trajectory', played)
     assert code == 3
     assert words in said
-    assert 'left out' not in said
+    assert 'left out of bag' not in said
     assert said.count('lost of bag: ') == 2
     assert 'lost of bag: outside of all frequencies: 2 samples are lost, from sample 5' in said
     name = 'natural_frequency_2_rad_per_s'
@@ -371,7 +371,7 @@ def test_a_recorder_that_joined_late_misses_the_first_frequencies_only(
     code, model, said = identify('dynamics', tmp_path / 'bag', '--trajectory', played)
     assert code == 0
     assert said.count('249.922 Hz: the record does not hold it as a whole') == 1
-    assert said.count('left out') == 1
+    assert said.count('left out of bag') == 1
     name = 'natural_frequency_2_rad_per_s'
     assert model['/**/trajectory']['ros__parameters'][name] == pytest.approx(
         own_dynamics['/**/trajectory']['ros__parameters'][name], rel=1e-3)

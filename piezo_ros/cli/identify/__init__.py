@@ -26,7 +26,7 @@ examples:
   piezo identify hysteresis bags/bare_triangle -o compensator.yaml --compare
   piezo identify dynamics bags/stepped_sine -o trajectory.yaml
   piezo identify dynamics bags/bare_sine --compensator compensator.yaml -o trajectory.yaml
-  piezo identify dynamics bags/multisine --orders 4 7 --fit-delay -o model.yaml
+  piezo identify dynamics bags/multisine --orders 4 7 --fit-delay -o trajectory.yaml
   piezo identify dynamics recorded_by_ros2_bag --trajectory played.yaml -o trajectory.yaml
   piezo identify uncertainty bags/grid_* --model trajectory.yaml -o bound.yaml
 """

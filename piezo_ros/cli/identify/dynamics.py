@@ -55,7 +55,7 @@ def add_kind(kinds: Any) -> None:
         'as well as the best model, else the smallest that does (default)')
     kind.add_argument(
         '--orders', type=int, nargs=2, metavar=('NUM', 'DEN'),
-        help='fit a stable rational G(s) of these orders')
+        help='fit a stable rational G(s) of these orders; NUM below DEN')
     kind.add_argument(
         '--delay-samples', type=float, default=0.0, metavar='D', help='known delay (default: 0)')
     kind.add_argument(
@@ -78,7 +78,11 @@ def _make(options: argparse.Namespace, runs: list[Run]) -> Identified:
         delay_samples=options.delay_samples, **_structure(options))
     _print(fit)
     table = options.output.with_suffix(TABLE_SUFFIX)
-    text = fit.to_parameter_yaml(response_source(options, runs), points_file=table.name)
+    text = fit.to_parameter_yaml(response_source(options, runs), {
+        'points_file': table.name, 'samples_used': response.samples_used,
+        'samples_lost': response.samples_lost,
+        'losses': '; '.join([
+            *(loss for run in runs for loss in run.lost), *response.losses])})
     files = {
         options.output: placed_model(options, text, runs),
         table: response_csv(response)}

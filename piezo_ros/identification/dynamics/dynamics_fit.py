@@ -161,7 +161,7 @@ class DynamicsFit:
         """What the fit is worth, by points that were left out and by its residual."""
         return validate(
             self._fit, self._measured, self._delay_samples,
-            radius=self.response_confidence_radius(self._measured.frequency_hz),
+            radius=self.response_confidence_radius,
             structure=self.structure, rivals=self._rivals)
 
     def response(self, frequency_hz: ArrayLike) -> NDArray[np.complex128]:
@@ -258,7 +258,9 @@ class DynamicsFit:
         half = self._quantile * self.standard_errors[name]
         return self.values[name] - half, self.values[name] + half
 
-    def to_parameter_yaml(self, source: str, points_file: str = '') -> str:
+    def to_parameter_yaml(
+        self, source: str, record: Mapping[str, Fact] | None = None,
+    ) -> str:
         """
         Return a ROS parameter file for the trajectory node, with the facts of the identification.
 
@@ -266,8 +268,9 @@ class DynamicsFit:
         ----------
         source : str
             Origin of the record, for instance the name of the bag.
-        points_file : str, optional
-            Name of the file with the points.
+        record : mapping of str to value, optional
+            Facts of the record: ``points_file``, the name of the file with the points,
+            ``samples_used`` and the like.
 
         Raises
         ------
@@ -294,7 +297,7 @@ class DynamicsFit:
         parameters['model_response'] = 'sampled'
         notes['model_response'] = 'what was fitted has the hold in it'
         return dynamics_yaml(
-            parameters, {**self.facts, 'points_file': points_file}, source=source, notes=notes,
+            parameters, {**self.facts, **(record or {})}, source=source, notes=notes,
             title=title)
 
     @property
@@ -476,7 +479,7 @@ def _parameters(
 
 def _fit_of_six(points: FrequencyResponse, delay_samples: float) -> RationalFit:
     """Fit (6) with parameters in the ranges that the nodes take."""
-    for fastest in (FASTEST, 1e-1 * FASTEST, 1e-2 * FASTEST):
+    for fastest in (FASTEST, 1e-1 * FASTEST, 1e-2 * FASTEST, 1e-3 * FASTEST):
         fit = fit_rational(RationalProblem.of(
             LIU_SHAPE, points, delay_samples, positive=True, fastest=fastest))
         try:

@@ -30,7 +30,7 @@ from piezo_ros.identification.estimation.vector_fitting import initial_poles, ve
 
 __all__ = ['linear_starts', 'with_a_pole_more', 'with_best_numerator', 'with_poles']
 
-_SANATHANAN_KOERNER_ROUNDS = 20
+_SANATHANAN_KOERNER_ROUNDS = 10
 _EXTRA_RATE = 0.7  # of a pole that is added, over the highest measured frequency
 _ASIDE = 1.05  # of its zero over it
 

@@ -25,8 +25,9 @@ variance of point k, model error included, models are compared by the Bayesian c
     BIC = 2 sum_k (log v_k + |H(w_k) - H_k|^2/v_k) + P log(2 N)
 """
 
+import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -38,14 +39,26 @@ from piezo_ros.identification.dynamics.rational_model import Sections, Shape, sa
 from piezo_ros.identification.estimation.covariance import Covariance
 from piezo_ros.identification.response.frequency_response import FrequencyResponse
 
-__all__ = ['FASTEST', 'RationalFit', 'RationalProblem', 'bootstrapped', 'fit_rational']
+__all__ = [
+    'COARSE', 'FASTEST', 'RationalFit', 'RationalProblem', 'bootstrapped', 'fit_rational']
 
-FASTEST = 1e3  # over the highest measured frequency: such poles and zeros do not show in the points
+FASTEST = 1e4  # over the highest measured frequency: such poles and zeros do not show in the points
 _DAMPING = (1e-4, 1e2)
 _AT_BOUND = 1e-3  # distance, of a logarithm or relative
-_EVALUATIONS = 100
-_STARTS = 4  # of which the best is taken
+_NO_DELAY = 1e-9  # over the inverse highest frequency: the search ends beside its bound
 _MODEL_ERROR_ROUNDS = 4
+
+
+class Effort(NamedTuple):
+    """How far a fit is carried."""
+
+    starts: int  # of which the best is taken
+    evaluations: int
+    tolerance: float  # relative change of the squares that ends a search
+
+
+THOROUGH = Effort(starts=4, evaluations=100, tolerance=1e-10)
+COARSE = Effort(starts=2, evaluations=40, tolerance=1e-5)
 
 
 class RationalProblem(NamedTuple):
@@ -141,8 +154,11 @@ class RationalProblem(NamedTuple):
         error = self.weight(model_error) * (value - self.measured)
         return np.concatenate([error.real, error.imag])
 
-    def refine(self, start: Sections, model_error: float) -> '_LocalOptimum':
+    def refine(
+        self, start: Sections, model_error: float, effort: 'Effort | None' = None,
+    ) -> '_LocalOptimum':
         """Return the local optimum from a start."""
+        effort = effort or THOROUGH
         weight = self.weight(model_error)
         cache: dict[bytes, tuple[NDArray[np.float64], NDArray[np.float64]]] = {}
 
@@ -173,8 +189,10 @@ class RationalProblem(NamedTuple):
         inside = np.clip(vector, self.lower, self.upper)
         found = least_squares(
             residual, inside, jac=slopes,
-            bounds=(self.lower, self.upper), x_scale='jac', max_nfev=_EVALUATIONS,
-            xtol=1e-10, ftol=1e-10, gtol=1e-10)
+            bounds=(self.lower, self.upper), x_scale='jac', max_nfev=effort.evaluations,
+            xtol=effort.tolerance, ftol=effort.tolerance, gtol=1e-10)
+        if self.shape.fits_delay and found.x[-1] - self.lower[-1] < _NO_DELAY:
+            found.x[-1] = self.lower[-1]
         return _LocalOptimum(
             Sections.split(self.shape, found.x, self.delay), found.x, slopes(found.x),
             2.0 * float(found.cost))
@@ -254,7 +272,9 @@ class RationalFit(NamedTuple):
             np.log(variance) + np.abs(value - points.measured)**2 / variance))
 
 
-def fit_rational(problem: RationalProblem, starts: Sequence[Sections] = ()) -> RationalFit:
+def fit_rational(
+    problem: RationalProblem, starts: Sequence[Sections] = (), effort: Effort = THOROUGH,
+) -> RationalFit:
     """
     Return the best model of several starts.
 
@@ -263,7 +283,9 @@ def fit_rational(problem: RationalProblem, starts: Sequence[Sections] = ()) -> R
     problem : RationalProblem
         Points and bounds.
     starts : sequence of Sections, optional
-        Models of this shape to start from, besides those of the linear problems.
+        Models of this shape to start from, before those of the linear problems.
+    effort : Effort, optional
+        Less than the default to compare orders.
 
     Returns
     -------
@@ -275,8 +297,8 @@ def fit_rational(problem: RationalProblem, starts: Sequence[Sections] = ()) -> R
     # Noise alone exceeds this chi squared in one of a thousand cases.
     enough = 1.0 + 3.1 * math.sqrt(2.0 / degrees)
     best: _LocalOptimum | None = None
-    for start in [*starts, *_best_starts(problem)]:
-        refined = problem.refine(start, 0.0)
+    for start in itertools.chain(starts, _best_starts(problem, effort.starts)):
+        refined = problem.refine(start, 0.0, effort)
         # Two starts with the same result have found the optimum, and noise alone cannot be reduced.
         met = best is not None and abs(refined.squares - best.squares) < 1e-4 * best.squares
         if best is None or refined.squares < best.squares:
@@ -289,7 +311,7 @@ def fit_rational(problem: RationalProblem, starts: Sequence[Sections] = ()) -> R
     if chi_squared > enough:
         for _ in range(_MODEL_ERROR_ROUNDS):
             before, model_error = model_error, _model_error(problem, best.sections, degrees)
-            best = problem.refine(best.sections, model_error)
+            best = problem.refine(best.sections, model_error, effort)
             if abs(model_error - before) < 1e-2 * model_error:
                 break
     return RationalFit(
@@ -353,12 +375,12 @@ def _model_error(problem: RationalProblem, sections: Sections, degrees: int) -> 
     return math.exp(float(brentq(excess, low, high, xtol=1e-3)))
 
 
-def _best_starts(problem: RationalProblem) -> list[Sections]:
-    """Return the starts of least residual, best first."""
+def _best_starts(problem: RationalProblem, most: int) -> Iterator[Sections]:
+    """Yield the starts of least residual, best first, once they are asked for."""
     shape, omega = problem.shape, problem.frequency
     delays = [problem.delay]
     if shape.fits_delay:
-        delays += [problem.delay + turn for turn in (0.25, 0.5, 1.0, 2.0, 4.0)]
+        delays += [problem.delay + turn for turn in (0.5, 1.5, 4.0)]
     starts = [
         start._replace(delay=delay) for delay in delays
         for start in linear_starts(
@@ -366,4 +388,5 @@ def _best_starts(problem: RationalProblem) -> list[Sections]:
     squares = [
         float(np.sum(problem.residual(start, 0.0)**2)) for start in starts]
     order = np.argsort([value if math.isfinite(value) else math.inf for value in squares])
-    return [starts[i] for i in order[:_STARTS]]
+    for place in order[:most]:
+        yield starts[place]

@@ -32,6 +32,7 @@ from numpy.typing import NDArray
 from piezo_ros.identification.dynamics.linear_starts import with_a_pole_more
 from piezo_ros.identification.dynamics.named_parameters import parameter_names
 from piezo_ros.identification.dynamics.rational_fit import (
+    COARSE,
     RationalFit,
     RationalProblem,
     fit_rational,
@@ -52,6 +53,7 @@ _DETERMINED = 0.5  # standard error of a logarithm, up to which a pole counts as
 _FAR = 10.0  # over the highest measured frequency: such poles may be out of sight
 _SAME = 0.01  # relative difference of two models that are equally good where both are large
 _LEAST_ERROR = 1e-3  # no order is added for what the stage does in less than this of its response
+_EQUAL = 4.0  # difference of the deviance of unseen points that is no evidence
 _FOLDS = (2, 3, 5)
 
 
@@ -124,7 +126,7 @@ def held_out(
     for fold in range(folds):
         left_out = number % folds == fold
         fitted = fit_rational(RationalProblem.of(
-            shape, points.select(~left_out), delay_samples, positive=positive))
+            shape, points.select(~left_out), delay_samples, positive=positive), effort=COARSE)
         tested = fitted.problem.seeing(points.select(left_out))
         predicted[left_out] = sampled_response(
             fitted.sections, tested.frequency, tested.sample_period)[0]
@@ -158,6 +160,7 @@ def choose_structure(
         (search.thinned(search.grow(fits_delay)) for fits_delay in (False, True)), key=_criterion)
     best = search.without_phantoms(best)
     best = search.smallest_of_equals(best)
+    best = search.finished(best)
     chosen = Candidate('rational', best)
     considered = [Candidate('rational', fit) for fit in search.fits.values()]
     of_six = search.of_six()
@@ -247,8 +250,15 @@ class _Search:
         """Return the fit of a shape."""
         if shape not in self.fits:
             self.fits[shape] = fit_rational(
-                RationalProblem.of(shape, self._points, self._delay_samples), tuple(starts))
+                RationalProblem.of(shape, self._points, self._delay_samples), tuple(starts),
+                COARSE)
         return self.fits[shape]
+
+    def finished(self, fit: RationalFit) -> RationalFit:
+        """Return a fit carried to its optimum, which takes the place of the coarse one."""
+        finished = fit_rational(fit.problem, [fit.sections])
+        self.fits[fit.problem.shape] = finished
+        return finished
 
     def of_six(self) -> RationalFit | None:
         """Return the fit of (6), if there are points enough."""
@@ -268,7 +278,7 @@ class _Search:
             shape = shape_of(order - 1, order, fits_delay)
             if not self._is_possible(shape):
                 break
-            found = self.fit(shape, [] if before.explains else [with_a_pole_more(before.sections)])
+            found = self.fit(shape, [with_a_pole_more(before.sections)])
             worse = 0 if _criterion(found) < _criterion(best) else worse + 1
             best = min(best, found, key=_criterion)
             before = found
@@ -309,7 +319,10 @@ class _Search:
         for other in (*sorted(rivals, key=_criterion)[:2], fit):
             unseen = held_out(other.problem.shape, self._points, self._delay_samples)
             scores.append((unseen.deviance if unseen else _criterion(other), other))
-        return min(scores, key=lambda score: score[0])[1]
+        limit = min(deviance for deviance, _ in scores) + _EQUAL
+        return min(
+            (other for deviance, other in scores if deviance <= limit),
+            key=lambda other: other.problem.shape.size)
 
     def _is_possible(self, shape: Shape) -> bool:
         return shape.size <= self._points.frequency_hz.size
@@ -332,7 +345,8 @@ class _Search:
     def _is_phantom(self, shape: Shape, smaller: Shape, mask: NDArray[np.bool_]) -> bool:
         others = self._points.select(mask)
         with_pair, without = (
-            fit_rational(RationalProblem.of(each, others, self._delay_samples))
+            fit_rational(
+                RationalProblem.of(each, others, self._delay_samples), effort=COARSE)
             for each in (shape, smaller))
         return _criterion(without) <= _criterion(with_pair)
 

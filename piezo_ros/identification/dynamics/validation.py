@@ -27,7 +27,7 @@ is 0 for the noise of the points, and positive where the structure is wrong.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -54,6 +54,8 @@ __all__ = ['Validation', 'validate']
 _MAGNITUDE: Final = 0.03
 _PHASE: Final = math.radians(2.0)
 _NOISE_ERRORS: Final = 3.0
+_AT_ALL: Final = 1.5  # radius of a region at all frequencies together over that at one
+_BETWEEN: Final = 12  # frequencies from a point to the next one
 _NEIGHBOURS: Final = (1, 3, 7)
 _WHITE: Final = 3.0  # standard errors of the correlation
 _POOR_ERROR: Final = 0.03  # model error, over the geometric mean of the response and its maximum
@@ -98,7 +100,7 @@ class Validation:
 
 def validate(
     fit: RationalFit, points: FrequencyResponse, delay_samples: float, *,
-    radius: NDArray[np.float64], structure: str,
+    radius: Callable[[NDArray[np.float64]], NDArray[np.float64]], structure: str,
     rivals: Sequence[RationalFit] | None = None,
 ) -> Validation:
     """
@@ -112,8 +114,8 @@ def validate(
         The points that it was fitted to.
     delay_samples : float
         The known delay, in samples.
-    radius : ndarray, shape (N,)
-        Of the 95 % region of the model at the points.
+    radius : callable
+        Returns the radius of the 95 % region of the model at frequencies in hertz.
     structure : str
         ``'liu'`` for (6), else ``'rational'``.
     rivals : sequence of RationalFit, optional
@@ -128,7 +130,8 @@ def validate(
     correlation = float(
         np.sum(error[:-1] * error[1:].conj()).real / max(np.sum(np.abs(error)**2), 1e-300))
     white = abs(correlation) * math.sqrt(2.0 * error.size) < _WHITE
-    usable = _usable_to_hz(points, value, radius, rivals or ())
+    usable = _usable_to_hz(
+        points, value, _is_uncertain(fit, points.frequency_hz, radius, rivals or ()))
     beyond = np.maximum(
         np.abs(points.response - value) - _NOISE_ERRORS * points.standard_error, 0.0)
     misfit = beyond / np.abs(value)
@@ -153,20 +156,35 @@ def validate(
         float(points.frequency_hz[worst]), verdict)
 
 
-def _usable_to_hz(
-    points: FrequencyResponse, value: NDArray[np.complex128], radius: NDArray[np.float64],
+def _is_uncertain(
+    fit: RationalFit, frequency_hz: NDArray[np.float64],
+    radius: Callable[[NDArray[np.float64]], NDArray[np.float64]],
     rivals: Sequence[RationalFit],
+) -> NDArray[np.bool_]:
+    """Return where the model is not determined well enough, from the point before to each one."""
+    # Between points too: a narrow resonance may lie there.
+    share = np.arange(1, _BETWEEN + 1) / _BETWEEN
+    before = np.concatenate([frequency_hz[:1], frequency_hz[:-1]])
+    grid = before[:, None] + (frequency_hz - before)[:, None] * share
+    problem = fit.problem
+    scaled = 2.0 * np.pi * grid.ravel() / problem.reference
+    value, _ = sampled_response(fit.sections, scaled, problem.sample_period)
+    uncertain = _AT_ALL * radius(grid.ravel()) > _MAGNITUDE * np.abs(value)
+    for rival in rivals:
+        other, _ = sampled_response(rival.sections, scaled, problem.sample_period)
+        ratio = other / value - 1.0
+        uncertain |= (np.abs(ratio.real) > _MAGNITUDE) | (np.abs(ratio.imag) > _PHASE)
+    return np.asarray(uncertain.reshape(grid.shape).any(axis=1))
+
+
+def _usable_to_hz(
+    points: FrequencyResponse, value: NDArray[np.complex128], is_uncertain: NDArray[np.bool_],
 ) -> float:
     """Return the frequency below the first one where model and points do not agree."""
     size = np.abs(value)
     relative = points.response / value - 1.0
     information = (size / np.maximum(points.standard_error, 1e-12 * size))**2
-    fails = radius > _MAGNITUDE * size
-    for rival in rivals:
-        other, _ = sampled_response(
-            rival.sections, rival.problem.frequency, rival.problem.sample_period)
-        ratio = other / value - 1.0
-        fails |= (np.abs(ratio.real) > _MAGNITUDE) | (np.abs(ratio.imag) > _PHASE)
+    fails = is_uncertain.copy()
     for count in _NEIGHBOURS:
         if count > size.size:
             break

@@ -39,8 +39,8 @@ from scipy.linalg import block_diag, lstsq
 
 __all__ = ['initial_poles', 'vector_fitting']
 
-_ROUNDS = 15
-_SAME_POLES = 1e-6  # relative change of the poles that ends the search
+_ROUNDS = 10
+_SAME_POLES = 1e-4  # relative change of the poles that ends the search
 _SMALLEST_CONSTANT = 1e-6  # of sigma, below which its zeros are not defined
 _INITIAL_DAMPING = 0.02
 

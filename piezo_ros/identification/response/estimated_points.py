@@ -27,6 +27,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.ndimage import median_filter
 from scipy.stats import f as f_distribution
 
 from piezo_ros.identification.response.frequency_response import (
@@ -94,12 +95,14 @@ def assembled_points(
     """
     kept: list[Estimate] = []
     excluded: list[ExcludedPoint] = []
-    for each in estimates:
+    # By that of the neighbours, too: points that noise makes look coherent would be chosen else.
+    coherences = median_filter([each.coherence for each in estimates], size=5, mode='nearest')
+    for each, level in zip(estimates, coherences.tolist(), strict=True):
         radius = math.sqrt(
             each.variance * float(f_distribution.ppf(0.95, 2, 2.0 * each.degrees)))
         reason = ''
-        if each.coherence < _LEAST_COHERENCE:
-            reason = f'the coherence is {each.coherence:.2g}, below {_LEAST_COHERENCE:g}'
+        if level < _LEAST_COHERENCE:
+            reason = f'the coherence is {level:.2g}, below {_LEAST_COHERENCE:g}'
         elif radius > abs(each.response):
             reason = f'the response is {abs(each.response):.2g} ± {radius:.2g}'
         if reason:

@@ -136,7 +136,7 @@ def test_the_circle_of_welchs_method_holds_the_truth_in_95_percent_of_200_seeds(
     for seed in range(200):
         values = INPUTS['noise'](seed)
         output = lfilter(numerator, denominator, values)
-        output += 0.2 * np.random.default_rng(seed).normal(size=output.size)
+        output += 0.05 * np.random.default_rng(seed).normal(size=output.size)
         found = welch_response(values, output, TS)
         z = np.exp(2j * np.pi * found.frequency_hz * TS)
         error = np.abs(
