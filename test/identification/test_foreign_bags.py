@@ -159,6 +159,8 @@ def identified(directory, kind, *arguments):
     output = directory / 'model.yaml'
     if kind == 'hysteresis':
         arguments = ('--elements', '2', *arguments)
+    elif kind == 'dynamics':
+        arguments = ('--structure', 'liu', *arguments)  # to compare its parameters
     code = main(['identify', kind, *map(str, arguments), '-o', str(output), '--force'])
     return code, yaml.safe_load(output.read_text()) if code in (0, 3) else None
 
