@@ -242,7 +242,7 @@ class _Modes(NamedTuple):
         return np.asarray(total)
 
     def _upper(self) -> Iterator[tuple[complex, complex]]:
-        """Return poles with residues; of a conjugate pair one, whose real part counts twice."""
+        """Return poles with residues; of a conjugate pair one, with twice its residue."""
         for pole, residue in zip(self.poles, self.residues, strict=True):
             if pole.imag == 0.0:
                 yield pole, residue
