@@ -102,6 +102,8 @@ class Contents(Generic[_Sink]):
         Makes the sink of a stream when its first message comes.
     keep_not_finite : bool, optional
         Whether samples that are NaN or infinite are in order.
+    fill_gaps : bool, optional
+        Whether samples that are missing between two blocks are NaN.
     run : int, optional
         Which run to read where the streams hold several, counted from 1.
 
@@ -123,12 +125,13 @@ class Contents(Generic[_Sink]):
 
     def __init__(
         self, path: Path, sink: Callable[[], _Sink], *, keep_not_finite: bool = False,
-        run: int | None = None,
+        fill_gaps: bool = False, run: int | None = None,
     ) -> None:
         self._path = path
         self._sink = sink
         self._run = run
-        self._keep_not_finite = keep_not_finite
+        self._keep_not_finite = keep_not_finite or fill_gaps
+        self._fill_gaps = fill_gaps
         files = bag_files(path)
         self._named: dict[str, Place] = {}
         self.files: dict[Path, McapFile] = {}
@@ -190,7 +193,8 @@ class Contents(Generic[_Sink]):
             if topic not in self._streams:
                 sink = self._sink()
                 self._streams[topic] = StreamAssembler(
-                    stream, sink, keep_not_finite=self._keep_not_finite), sink
+                    stream, sink, keep_not_finite=self._keep_not_finite,
+                    fill_gaps=self._fill_gaps), sink
             assembler, _ = self._streams[topic]
             before = assembler.count
             if self.choice:

@@ -77,6 +77,7 @@ class Recording:
     _files: Mapping[Path, McapFile]
     _keep_not_finite: bool
     _choice: RunChoice | None
+    _fill_gaps: bool = False
 
     @property
     def namespace(self) -> str:
@@ -214,10 +215,12 @@ class Recording:
     def _read(self, sinks: Mapping[str, Collected], kept: range) -> None:
         """Hand samples to the sinks, from those pieces of the files that contain them."""
         assemblers = {
-            self.facts.stream_topics[stream]: StreamAssembler(
+            topic: StreamAssembler(
                 stream, sink, keep_not_finite=self._keep_not_finite,
-                sample_period_s=self.sample_period_s)
-            for stream, sink in sinks.items()}
+                sample_period_s=self.sample_period_s, fill_gaps=self._fill_gaps,
+                start_index=self._first_needed(topic, kept) if self._fill_gaps else None)
+            for stream, sink in sinks.items()
+            for topic in (self.facts.stream_topics[stream],)}
         for path, spans in self._spans.items():
             needed = {
                 position: topics for position, span in spans.items()
@@ -233,6 +236,12 @@ class Recording:
                     if self._choice:
                         messages = self._choice.choose_again(path, piece, topic, messages)
                     assemblers[topic].add(piece, messages)
+
+    def _first_needed(self, topic: str, kept: range) -> int | None:
+        """Return the first index that the pieces with wanted samples of a topic begin with."""
+        return min((
+            span[topic][0] for spans in self._spans.values() for span in spans.values()
+            if topic in self._needed(span, (topic,), kept)), default=None)
 
     @staticmethod
     def _needed(span: Span, topics: Collection[str], kept: range) -> frozenset[str]:
@@ -254,7 +263,7 @@ def _missing(stream: str, start: int, stop: int) -> str:
 
 def open_recording(
     path: Path | str, *, namespace: str | None = None, allow_loss: bool = False,
-    keep_not_finite: bool = False, run: int | None = None,
+    keep_not_finite: bool = False, fill_gaps: bool = False, run: int | None = None,
 ) -> Recording:
     """
     Open a run that may be larger than the memory: all of it is checked, no sample is kept.
@@ -263,6 +272,9 @@ def open_recording(
     ----------
     path, namespace, allow_loss, keep_not_finite, run
         As `read` takes them.
+    fill_gaps : bool, optional
+        Whether samples that are missing in the middle of a stream are NaN, and told in `lost`;
+        by default a stream ends at its first gap. NaN and infinite samples are kept then, too.
 
     Returns
     -------
@@ -276,7 +288,8 @@ def open_recording(
 
     """
     path = Path(path)
-    contents = Contents(path, Extremes, keep_not_finite=keep_not_finite, run=run)
+    contents = Contents(
+        path, Extremes, keep_not_finite=keep_not_finite, fill_gaps=fill_gaps, run=run)
     return Recording(
         path, contents.facts(namespace, allow_loss=allow_loss), contents.spans, contents.files,
-        keep_not_finite, contents.choice)
+        keep_not_finite or fill_gaps, contents.choice, fill_gaps)

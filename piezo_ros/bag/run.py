@@ -157,6 +157,20 @@ class Run:
         first = self.start_index - start
         return samples[first:first + self.samples]
 
+    def not_finite(self) -> tuple[str, ...]:
+        """Return a sentence for each stream with samples that are NaN or infinite."""
+        sentences = []
+        for stream in self.streams:
+            values = self._aligned(stream)
+            bad = np.flatnonzero(~np.isfinite(values))
+            if bad.size:
+                first = int(bad[0])
+                sentences.append(
+                    f'sample {self.start_index + first} of stream {stream!r} is {values[first]}, '
+                    f'it must be finite; {bad.size} of {values.size} samples of this stream are '
+                    'not')
+        return tuple(sentences)
+
     def part(self, start: int, stop: int) -> 'Run':
         """
         Return some of the aligned samples.

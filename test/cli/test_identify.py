@@ -143,10 +143,11 @@ def test_beside_the_dynamics_lie_the_measured_points_and_a_picture(stage):
     assert len(used) > 0.8 * len(rows)
     for row in used:
         assert 0.9 < float(row['coherence']) <= 1.0 + 1e-12
-        assert 0.0 < float(row['confidence_radius']) < 0.1 * max(float(row['magnitude']), 0.1)
+        assert 0.0 < float(row['standard_error_um_per_um']) < 0.04 * max(
+            float(row['gain_um_per_um']), 0.1)
     for row in rows:
         if row['left_out']:
-            assert row['magnitude'] == ''
+            assert row['gain_um_per_um'] == ''
 
 
 def test_a_rational_model_of_other_orders_serves_to_tune(stage, identify, tmp_path, capsys):

@@ -159,6 +159,8 @@ def identified(directory, kind, *arguments):
     output = directory / 'model.yaml'
     if kind == 'hysteresis':
         arguments = ('--elements', '2', *arguments)
+    elif kind == 'dynamics':
+        arguments = ('--structure', 'liu', *arguments)  # to compare its parameters
     code = main(['identify', kind, *map(str, arguments), '-o', str(output), '--force'])
     return code, yaml.safe_load(output.read_text()) if code in (0, 3) else None
 
@@ -278,22 +280,51 @@ def test_a_voltage_that_is_no_number_is_named(tmp_path, bare, identify):
     assert 'voltage_v[4000] is nan, it must be finite' in said
 
 
-def test_for_the_dynamics_a_sample_that_is_no_number_is_named_and_what_follows_left_out(
-    tmp_path, compensated, identify, played,
+def test_d8_for_the_dynamics_a_sample_that_is_no_number_is_named_and_costs_no_frequency(
+    tmp_path, compensated, own_dynamics, identify, played,
 ):
     gaps = {name: values.copy() for name, values in compensated.items()}
-    at = round(0.85 * gaps['displacement'].size)
-    gaps['displacement'][at] = np.nan
+    samples = gaps['displacement'].size
+    places = [5, round(0.5 * samples), round(0.85 * samples)]  # the first before any window
+    gaps['displacement'][places] = np.nan
     record_rosbag2(tmp_path / 'bag', gaps)
-    words = f"sample {at} of stream 'displacement' is nan, it must be finite"
-    code, _, said = identify('dynamics', tmp_path / 'bag', '--trajectory', played)
+    words = "sample 5 of stream 'displacement' is nan, it must be finite; 3 of"
+    code, model, said = identify('dynamics', tmp_path / 'bag', '--trajectory', played)
     assert code == 3
     assert words in said
-    assert 'Hz: the record does not hold it as a whole' in said
+    assert 'left out of bag' not in said
+    assert said.count('lost of bag: ') == 2
+    assert 'lost of bag: outside of all frequencies: 2 samples are lost, from sample 5' in said
+    name = 'natural_frequency_2_rad_per_s'
+    assert model['/**/trajectory']['ros__parameters'][name] == pytest.approx(
+        own_dynamics['/**/trajectory']['ros__parameters'][name], rel=1e-3)
     code, _, said = identify(
         'dynamics', tmp_path / 'bag', '--trajectory', played, '--no-allow-loss', '--force')
     assert code == 1
     assert words in said
+
+
+def test_d8_a_gap_costs_the_frequencies_that_it_touches(
+    tmp_path, compensated, own_dynamics, identify, played, monkeypatch,
+):
+    lost = range(49 * BLOCK_SAMPLES, 55 * BLOCK_SAMPLES)
+
+    all_blocks = blocks
+
+    def with_gap(streams, start=0):
+        for stream, index, samples in all_blocks(streams, start):
+            if stream != 'displacement' or index not in lost:
+                yield stream, index, samples
+
+    monkeypatch.setitem(record_rosbag2.__globals__, 'blocks', with_gap)
+    record_rosbag2(tmp_path / 'bag', compensated)
+    code, model, said = identify('dynamics', tmp_path / 'bag', '--trajectory', played)
+    assert code == 3
+    assert "stream 'displacement' has 1 gap of 1800 samples, the first from index 14700" in said
+    assert 1 <= said.count('left out of bag') + said.count('lost of bag') <= 4
+    name = 'natural_frequency_2_rad_per_s'
+    assert model['/**/trajectory']['ros__parameters'][name] == pytest.approx(
+        own_dynamics['/**/trajectory']['ros__parameters'][name], rel=0.01)
 
 
 def cut(directory, share):
@@ -342,20 +373,22 @@ def test_a_recorder_that_joined_late_misses_the_first_frequencies_only(
     code, model, said = identify('dynamics', tmp_path / 'bag', '--trajectory', played)
     assert code == 0
     assert said.count('249.922 Hz: the record does not hold it as a whole') == 1
-    assert said.count('left out') == 1
+    assert said.count('left out of bag') == 1
     name = 'natural_frequency_2_rad_per_s'
     assert model['/**/trajectory']['ros__parameters'][name] == pytest.approx(
         own_dynamics['/**/trajectory']['ros__parameters'][name], rel=1e-3)
 
 
-def test_without_its_trajectory_a_foreign_bag_is_refused_with_the_remedy(
-    tmp_path, compensated, identify,
+def test_without_its_trajectory_the_frequencies_of_a_foreign_bag_are_found_in_its_record(
+    tmp_path, compensated, own_dynamics, identify,
 ):
     record_rosbag2(tmp_path / 'bag', compensated)
-    code, _, said = identify('dynamics', tmp_path / 'bag')
-    assert code == 1
-    assert 'does not say which trajectory was played' in said
-    assert '--trajectory FILE' in said
+    code, model, said = identify('dynamics', tmp_path / 'bag')
+    assert code == 0
+    assert 'bag: excitation by the record itself: stepped, 8 frequencies' in said
+    for name in ('natural_frequency_1_rad_per_s', 'natural_frequency_2_rad_per_s'):
+        assert model['/**/trajectory']['ros__parameters'][name] == pytest.approx(
+            own_dynamics['/**/trajectory']['ros__parameters'][name], rel=0.02)
 
 
 @pytest.mark.parametrize(('change', 'complaint'), [

@@ -30,6 +30,7 @@ __all__ = ['StreamAssembler', 'same_period']
 
 # A publisher that computes the sample period anew for each block rounds it differently.
 _PERIOD_TOLERANCE: Final = 1e-9
+_LONGEST_GAP: Final = 10_000_000  # samples that are filled; a longer one is a wrong index
 _BLOCK_NUMBERS_BYTES: Final = 8 * HEADER_NUMBERS
 
 
@@ -55,6 +56,10 @@ class StreamAssembler:
         Whether samples that are NaN or infinite are in order.
     sample_period_s : float, optional
         Sample period, seconds; by default that of the first block.
+    fill_gaps : bool, optional
+        Whether samples that are missing between two blocks are handed on as NaN.
+    start_index : int, optional
+        Index of the first sample that is due; by default that of the first block.
 
     Attributes
     ----------
@@ -75,7 +80,7 @@ class StreamAssembler:
 
     def __init__(
         self, stream: str, sink: Sink, *, keep_not_finite: bool = False,
-        sample_period_s: float = 0.0,
+        sample_period_s: float = 0.0, fill_gaps: bool = False, start_index: int | None = None,
     ) -> None:
         self.stream = stream
         self._sink = sink
@@ -83,6 +88,9 @@ class StreamAssembler:
         self._codec = BlockCodec(stream)
         self._blocks = 0
         self._ended = False
+        self._fill_gaps = fill_gaps
+        self._given_start = start_index
+        self._gaps: list[tuple[int, int]] = []
         self.start_index = 0
         self.sample_period_s = sample_period_s
         self.count = 0
@@ -96,11 +104,24 @@ class StreamAssembler:
 
     @property
     def loss(self) -> str | None:
-        """The problem, and how many samples it costs; None if there is none."""
-        if self.problem is None or not self.left_out:
-            return self.problem
+        """The problem and the gaps, and how many samples they cost; None if there is none."""
+        sentences = [self._gap_words()] if self._gaps else []
+        if self.problem is not None:
+            sentences.append(self._problem_words(self.problem))
+        return '; '.join(sentences) or None
+
+    def _gap_words(self) -> str:
+        first, stop = self._gaps[0]
+        samples = sum(end - start for start, end in self._gaps)
         return (
-            f'{self.problem}; {self.left_out} of {self.count + self.left_out} samples of this '
+            f'stream {self.stream!r} has {len(self._gaps)} gap{"s" * (len(self._gaps) > 1)} of '
+            f'{samples} samples, the first from index {first} to {stop - 1}')
+
+    def _problem_words(self, problem: str) -> str:
+        if not self.left_out:
+            return problem
+        return (
+            f'{problem}; {self.left_out} of {self.count + self.left_out} samples of this '
             'stream are left out')
 
     def add(self, piece: Piece, messages: NDArray[np.int64]) -> None:
@@ -142,10 +163,13 @@ class StreamAssembler:
     def _hand_on(self, blocks: Blocks) -> None:
         """Hand on the samples of the blocks that are in order."""
         if not self._blocks:
-            self.start_index = int(blocks.indices[0]) if np.isfinite(blocks.indices[0]) else 0
+            first = float(blocks.indices[0])
+            self.start_index = int(first) if np.isfinite(first) else 0
+            if self._given_start is not None and self._given_start < first:
+                self.start_index = self._given_start
             self.sample_period_s = self.sample_period_s or float(blocks.periods_s[0])
         good, self.problem = self._leading(blocks)
-        samples = blocks.samples[:int(blocks.counts[:good].sum())]
+        samples = self._without_gaps(blocks, good)
         if not (self._keep_not_finite or (finite := np.isfinite(samples)).all()):
             first = int(np.argmin(finite))
             self.problem = (
@@ -158,11 +182,35 @@ class StreamAssembler:
             self._sink(self.start_index + self.count, samples)
             self.count += samples.size
 
+    def _without_gaps(self, blocks: Blocks, good: int) -> NDArray[np.float64]:
+        """Return the samples of the leading blocks, NaN where some are missing between them."""
+        counts = blocks.counts[:good]
+        samples = blocks.samples[:int(counts.sum())]
+        if not (self._fill_gaps and good):
+            return samples
+        starts = blocks.indices[:good]
+        due = np.append(self.start_index + self.count, (starts + counts)[:-1])
+        gaps = np.flatnonzero((starts > due) & (counts > 0))
+        if not gaps.size:
+            return samples
+        self._gaps += [(int(due[i]), int(starts[i])) for i in gaps.tolist()]
+        places = np.append(0, np.cumsum(counts)[:-1])[gaps]
+        return np.insert(
+            samples, np.repeat(places, (starts - due)[gaps].astype(np.int64)), np.nan)
+
     def _leading(self, blocks: Blocks) -> tuple[int, str | None]:
         """Return how many blocks are in order, and what is wrong with the next one."""
         indices, periods, counts = blocks.indices, blocks.periods_s, blocks.counts
         sent = self.count + np.append(0, np.cumsum(counts)[:-1])
-        expected = (self.start_index if self._blocks else indices[0]) + sent
+        expected = (
+            self.start_index if self._blocks or self._given_start is not None else indices[0]
+        ) + sent
+        if self._fill_gaps:
+            expected[1:] = (indices + counts)[:-1]
+            sent = expected - self.start_index
+            missing = indices - expected
+            forward = (missing > 0) & (missing <= _LONGEST_GAP) & (counts > 0)
+            expected = np.where(forward, indices, expected)
         # An end carries the count of samples sent, which is less where the first index is not 0.
         continues = (indices == expected) | ((counts == 0) & (indices == sent))
         after_end = np.append(self._ended, counts[:-1] == 0)

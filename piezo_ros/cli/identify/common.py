@@ -15,9 +15,11 @@
 """What all kinds of ``piezo identify`` share: bags to read, files to write, the exit code."""
 
 import argparse
+import itertools
 import math
 import sys
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -61,9 +63,9 @@ class Identified(NamedTuple):
     verdict: Verdict | None = None
 
 
-def add_common_arguments(kind: argparse.ArgumentParser) -> None:
-    """Describe the bags, the output and the part of the bags that is taken."""
-    kind.add_argument('bags', type=Path, nargs='+', metavar='BAG')
+def add_common_arguments(kind: argparse.ArgumentParser, *, bags: str = '+') -> None:
+    """Describe the bags, how many there may be, the output and the part that is taken."""
+    kind.add_argument('bags', type=Path, nargs=bags, metavar='BAG')
     kind.add_argument(
         '-o', '--output', type=Path, required=True, metavar='FILE', help='model file to write')
     kind.add_argument('--force', action='store_true', help='replace the file')
@@ -101,7 +103,7 @@ def identify(
     every : int, optional
         One of so many samples is taken.
     hysteresis : bool, optional
-        Whether voltage and displacement are all that is wanted, also where they are not finite.
+        Whether voltage and displacement are all that is wanted, up to their first gap.
 
     """
     outputs = [options.output, *(
@@ -137,7 +139,8 @@ def _exit_code(verdict: Verdict | None, is_lossy: bool, accept_poor: bool) -> in
 def _read(path: Path, options: argparse.Namespace, hysteresis: bool, every: int) -> Run:
     """Read what is wanted of a bag, of which the rest may be longer than the memory."""
     recording = open_recording(
-        path, **bag_options(options), keep_not_finite=hysteresis)  # its fit leaves them out
+        path, **bag_options(options), keep_not_finite=True,  # the fits leave them out
+        fill_gaps=not hysteresis)
     start, stop = (
         math.ceil(time_s / recording.sample_period_s) - recording.start_index
         if math.isfinite(time_s) else recording.samples
@@ -151,12 +154,19 @@ def _read(path: Path, options: argparse.Namespace, hysteresis: bool, every: int)
             f'it lasts from {first_s:g} s to {last_s:g} s')
     if hysteresis:
         return recording.part(start, stop, every=every, streams=('voltage', 'displacement'))
-    return recording.part(start, stop)
+    return _with_losses(recording.part(start, stop), options.allow_loss)
+
+
+def _with_losses(run: Run, allow_loss: bool) -> Run:
+    """Return a run that tells which of its samples are not finite, or refuse it."""
+    sentences = run.not_finite()
+    if sentences and not allow_loss:
+        raise BagError(f'{run.path}: {"; ".join(sentences)}')
+    return replace(run, lost=run.lost + sentences)
 
 
 def _refuse_different_periods(runs: list[Run]) -> None:
-    first, *others = runs
-    for run in others:
+    for first, run in itertools.pairwise(runs):
         if run.sample_period_s != first.sample_period_s:
             raise BagError(
                 f'{run.path} has the sample period {run.sample_period_s:g} s, {first.path} '

@@ -25,10 +25,15 @@ from piezo_ros.cli.identify.common import (
     add_common_arguments,
     add_verdict_arguments,
     identify,
-    source,
     with_picture,
 )
-from piezo_ros.cli.identify.responses import add_response_arguments, responses
+from piezo_ros.cli.identify.placing import add_place_arguments, placed_model
+from piezo_ros.cli.identify.responses import (
+    add_response_arguments,
+    add_table_arguments,
+    response_source,
+    responses,
+)
 from piezo_ros.identification.dynamics.dynamics_fit import STRUCTURES, DynamicsFit
 
 __all__ = ['add_kind']
@@ -55,8 +60,10 @@ def add_kind(kinds: Any) -> None:
         '--delay-samples', type=float, default=0.0, metavar='D', help='known delay (default: 0)')
     kind.add_argument(
         '--fit-delay', action='store_true', help='fit a delay too, with --orders')
-    add_common_arguments(kind)
+    add_common_arguments(kind, bags='*')
     add_response_arguments(kind)
+    add_table_arguments(kind)
+    add_place_arguments(kind)
     add_verdict_arguments(kind)
     kind.set_defaults(function=lambda options: identify(
         _make, options, further_suffixes=(TABLE_SUFFIX,)))
@@ -71,10 +78,13 @@ def _make(options: argparse.Namespace, runs: list[Run]) -> Identified:
         delay_samples=options.delay_samples, **_structure(options))
     _print(fit)
     table = options.output.with_suffix(TABLE_SUFFIX)
+    text = fit.to_parameter_yaml(response_source(options, runs), {
+        'points_file': table.name, 'samples_used': response.samples_used,
+        'samples_lost': response.samples_lost,
+        'losses': '; '.join([
+            *(loss for run in runs for loss in run.lost), *response.losses])})
     files = {
-        options.output: fit.to_parameter_yaml(source(runs), {
-            'points_file': table.name, 'samples_used': sum(run.samples for run in runs),
-            'losses': '; '.join(loss for run in runs for loss in run.lost)}),
+        options.output: placed_model(options, text, runs),
         table: response_csv(response)}
     return Identified(
         with_picture(files, options, 'fitted_response_figure', response, fit),

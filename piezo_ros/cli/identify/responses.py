@@ -15,16 +15,19 @@
 """Frequency responses of the bags for ``piezo identify dynamics`` and ``uncertainty``."""
 
 import argparse
+import math
 from pathlib import Path
 
 from piezo_ros.bag import Run
 from piezo_ros.control import TrajectoryParameters
 from piezo_ros.experiment.recorded_response import recorded_response
+from piezo_ros.identification.response.detected_excitation import EXCITATION_KINDS
 from piezo_ros.identification.response.frequency_response import FrequencyResponse
+from piezo_ros.identification.response.response_csv import read_response
 from piezo_ros.model import HysteresisParameters
 from piezo_ros.parameters.parameter_file import read_parameter_set
 
-__all__ = ['add_response_arguments', 'responses']
+__all__ = ['add_response_arguments', 'add_table_arguments', 'response_source', 'responses']
 
 
 def add_response_arguments(kind: argparse.ArgumentParser) -> None:
@@ -32,7 +35,16 @@ def add_response_arguments(kind: argparse.ArgumentParser) -> None:
     kind.add_argument(
         '--trajectory', type=Path, action='append', metavar='FILE',
         help='parameters of the trajectory that was played, where the bag does not say them: '
-        'once for all bags or once for each, in their order')
+        'once for all bags or once for each, in their order (default: the frequencies are found '
+        'in the record)')
+    kind.add_argument(
+        '--excitation', choices=('auto', *EXCITATION_KINDS), metavar='KIND',
+        help='find the frequencies in the record itself, whatever the trajectory says: auto, '
+        'stepped (sine), multisine, or broadband (noise, chirp)')
+    kind.add_argument(
+        '--estimator', choices=('local', 'h1', 'h2'), default='local',
+        help='of a broadband input: local polynomials over the spectrum of the whole record '
+        '(default), or segments averaged by h1 (noise in the output) or h2 (in the input)')
     kind.add_argument(
         '--compensator', type=Path, metavar='FILE',
         help='take the command from the voltage by the hysteresis of this file: for runs of '
@@ -42,8 +54,55 @@ def add_response_arguments(kind: argparse.ArgumentParser) -> None:
         help='of the amplifier, where the bag does not say it')
 
 
+def add_table_arguments(kind: argparse.ArgumentParser) -> None:
+    """Describe tables of a response that are taken in place of bags, or beside them."""
+    kind.add_argument(
+        '--from-response', type=Path, action='append', metavar='FILE',
+        help='take a ready-made frequency response: CSV or another table with a header (Hz or '
+        'rad/s; gain linear or in dB with phase_deg or phase_rad, or real and imaginary), '
+        'Touchstone; no bag is needed then')
+    kind.add_argument(
+        '--sample-period-s', type=_positive_s, metavar='T',
+        help='of the record that such a response was made of, behind a zero-order hold '
+        '(default: what the file says, else it is that of the continuous stage)')
+
+
+def _positive_s(text: str) -> float:
+    value = float(text)
+    if not 0.0 < value < math.inf:
+        raise argparse.ArgumentTypeError(f'{text} s, it must be above 0')
+    return value
+
+
+def response_source(options: argparse.Namespace, runs: list[Run]) -> str:
+    """Return where the points of a model are from, for its file."""
+    return ', '.join([*(str(run.path) for run in runs), *map(str, options.from_response or [])])
+
+
 def responses(options: argparse.Namespace, runs: list[Run]) -> list[FrequencyResponse]:
-    """Return the response of each bag; what was left out of it is printed."""
+    """Return the response of each bag and table; what was left out of it is printed."""
+    tables = getattr(options, 'from_response', None) or []
+    if not (runs or tables):
+        raise ValueError('no BAG is given, and no --from-response FILE')
+    found = _recorded(options, runs) if runs else []
+    for path in tables:
+        response = read_response(path, sample_period_s=options.sample_period_s)
+        _tell(path.name, response)
+        found.append(response)
+    return found
+
+
+def _tell(name: str, response: FrequencyResponse) -> None:
+    """Print what was left out of a response, lost, or assumed of it."""
+    for point in response.excluded:
+        print(f'left out of {name}: {point.frequency_hz:g} Hz: {point.reason}')
+    for loss in response.losses:
+        print(f'lost of {name}: {loss}')
+    for note in response.notes:
+        print(f'{name}: {note}')
+
+
+def _recorded(options: argparse.Namespace, runs: list[Run]) -> list[FrequencyResponse]:
     played = options.trajectory or [None]
     if len(played) not in (1, len(runs)):
         raise ValueError(
@@ -58,8 +117,8 @@ def responses(options: argparse.Namespace, runs: list[Run]) -> list[FrequencyRes
             path, 'trajectory', TrajectoryParameters, {'sample_period_s': run.sample_period_s})
         response = recorded_response(
             run, slew_limit_v_per_s=options.slew_limit_v_per_s, trajectory=trajectory,
-            hysteresis=hysteresis)
-        for point in response.excluded:
-            print(f'left out of {run.path.name}: {point.frequency_hz:g} Hz: {point.reason}')
+            hysteresis=hysteresis, excitation=options.excitation,
+            estimator=options.estimator)
+        _tell(run.path.name, response)
         found.append(response)
     return found

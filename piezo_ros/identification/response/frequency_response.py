@@ -19,11 +19,13 @@ With the phasors X of the input and Y of the output, fitted by least squares (se
 
     H = Y/X
     variance = max(scatter, residual)
-    scatter  = sum_m |Y_m - H X_m|^2 / (M (M - 1) |X|^2)      over M groups of periods
+    scatter  = M/(M - 1) sum_m q_m^2 |Y_m - H X_m|^2 / |X|^2  over M groups of periods, q_m: the
+                                                              share of the samples, mostly 1/M
     residual = (s_y^2 + |H|^2 s_x^2) v / |X|^2                v: variance of a phasor for s = 1
 
 The scatter includes noise of any colour and drift; the residual also includes errors that repeat
-in every period, such as converter steps and harmonics.
+in every period, such as converter steps and harmonics. A lost sample costs the group of periods
+that it lies in at most, as the fit needs neither every sample nor every period.
 
 Examples
 --------
@@ -50,6 +52,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from piezo_ros.control.excitation import Excitation, Window
+from piezo_ros.identification.response.amplifier_limits import (
+    Amplifier,
+    limit_reached,
+    settled_samples,
+)
 from piezo_ros.identification.response.line_fit import LineFit, fit_lines
 
 __all__ = ['Amplifier', 'ExcludedPoint', 'FrequencyResponse', 'frequency_response', 'merge']
@@ -57,14 +64,6 @@ __all__ = ['Amplifier', 'ExcludedPoint', 'FrequencyResponse', 'frequency_respons
 _HIGHEST_HARMONIC = 7
 _MOST_DETECTION_LINES = 40
 _RELATIVE_FLOOR = 1e-9  # smallest standard error, relative to the response
-
-
-class Amplifier(NamedTuple):
-    """Limits of the amplifier; infinite where unknown."""
-
-    slew_limit_v_per_s: float = math.inf
-    voltage_minimum_v: float = -math.inf
-    voltage_maximum_v: float = math.inf
 
 
 class ExcludedPoint(NamedTuple):
@@ -102,6 +101,16 @@ class FrequencyResponse:
         Sample period of the record, seconds.
     excluded : tuple of ExcludedPoint
         Points that were left out, with the reason.
+    samples_used : int
+        Samples of the records that the points were made of; 0 where it is not known.
+    samples_lost : int
+        Samples that are missing or not finite, inside the evaluated windows or outside.
+    losses : tuple of str
+        Sentences that say where samples were lost, and of which points.
+    input_unit : str
+        Unit of the input, ``'um'`` or ``'v'``.
+    notes : tuple of str
+        Sentences that say what has been assumed of the points.
 
     """
 
@@ -114,6 +123,11 @@ class FrequencyResponse:
     offset: NDArray[np.float64]
     sample_period_s: float
     excluded: tuple[ExcludedPoint, ...] = ()
+    samples_used: int = 0
+    samples_lost: int = 0
+    losses: tuple[str, ...] = ()
+    input_unit: str = 'um'
+    notes: tuple[str, ...] = ()
 
     @property
     def standard_error(self) -> NDArray[np.float64]:
@@ -160,7 +174,7 @@ def merge(responses: Sequence[FrequencyResponse]) -> FrequencyResponse:
     Raises
     ------
     ValueError
-        If there is none, or the sample periods differ.
+        If there is none, or the sample periods or the units differ.
 
     """
     if not responses:
@@ -171,12 +185,21 @@ def merge(responses: Sequence[FrequencyResponse]) -> FrequencyResponse:
             raise ValueError(
                 f'responses[{number}] has sample_period_s {other.sample_period_s:g} s and '
                 f'responses[0] {first.sample_period_s:g} s; they must be equal')
+        if other.input_unit != first.input_unit:
+            raise ValueError(
+                f'responses[{number}] is one to {other.input_unit!r} and responses[0] to '
+                f'{first.input_unit!r}; they must be equal')
     arrays = {
         field: np.concatenate([getattr(response, field) for response in responses])
         for field in _ARRAYS}
     together = FrequencyResponse(
         **arrays, sample_period_s=first.sample_period_s,
-        excluded=tuple(point for response in responses for point in response.excluded))
+        excluded=tuple(point for response in responses for point in response.excluded),
+        samples_used=sum(response.samples_used for response in responses),
+        samples_lost=sum(response.samples_lost for response in responses),
+        losses=tuple(loss for response in responses for loss in response.losses),
+        input_unit=first.input_unit,
+        notes=tuple(note for response in responses for note in response.notes))
     return together.select(np.argsort(together.frequency_hz, kind='stable'))
 
 
@@ -201,7 +224,8 @@ def frequency_response(
     input_ : array_like, shape (N,)
         Command, micrometres, or voltage, volts.
     output : array_like, shape (N,)
-        Measured displacement, micrometres.
+        Measured displacement, micrometres. Samples of input and output that are NaN or infinite are
+        lost ones: a window does without them, or is left out where too many of it are.
     sample_period_s : float
         Sample period, seconds.
     excitation : Excitation or sequence of Window
@@ -225,8 +249,8 @@ def frequency_response(
     Raises
     ------
     ValueError
-        If lengths differ, a sample is not finite, a window is not inside the record or too short,
-        or a frequency is not in the input.
+        If lengths differ, a window is not inside the record or too short, a frequency is not in
+        the input, or no point is left.
 
     """
     inputs = _record('input_', input_)
@@ -239,6 +263,7 @@ def frequency_response(
     if not windows:
         raise ValueError('excitation has no window')
     limits = amplifier or Amplifier()
+    bad = ~(np.isfinite(inputs) & np.isfinite(outputs))
     stretches = []
     for window in windows:
         if not 0 <= window.start < window.stop <= inputs.size:
@@ -246,9 +271,32 @@ def frequency_response(
                 f'window {window.start} … {window.stop} at {window.fundamental_hz:g} Hz is not '
                 f'inside the record of {inputs.size} samples')
         part = slice(window.start, window.stop)
-        reason = _limit_reached(volts[part], limits, sample_period_s)
-        stretches.append(_evaluate(window, inputs[part], outputs[part], sample_period_s, reason))
-    return _assemble(stretches, sample_period_s, distortion_limit)
+        stretches.append(_evaluate(
+            window, inputs[part], outputs[part], volts[part], sample_period_s, limits))
+    response = _assemble(stretches, sample_period_s, distortion_limit)
+    return dataclasses.replace(
+        response, samples_lost=int(bad.sum()), losses=tuple(_losses(bad, windows)))
+
+
+def _losses(bad: NDArray[np.bool_], windows: Sequence[Window]) -> list[str]:
+    """Return which samples are lost, window by window, and outside of all of them."""
+    outside = bad.copy()
+    sentences = []
+    for window in windows:
+        lost = window.start + np.flatnonzero(bad[window.start:window.stop])
+        outside[window.start:window.stop] = False
+        if lost.size:
+            low, high = window.frequency_hz.min(), window.frequency_hz.max()
+            which = f'{low:g} Hz' if low == high else f'{low:g} … {high:g} Hz'
+            sentences.append(
+                f'{which}: {lost.size} of {window.stop - window.start} samples are lost, from '
+                f'sample {lost[0]} to {lost[-1]} of the record')
+    lost = np.flatnonzero(outside)
+    if lost.size:
+        sentences.append(
+            f'outside of all frequencies: {lost.size} samples are lost, from sample {lost[0]} to '
+            f'{lost[-1]} of the record, which costs no point')
+    return sentences
 
 
 class _Stretch(NamedTuple):
@@ -262,51 +310,43 @@ class _Stretch(NamedTuple):
     offset: float
     distortion: float
     reason: str
+    samples_used: int = 0
 
 
 def _record(name: str, values: ArrayLike) -> NDArray[np.float64]:
     record = np.asarray(values, dtype=np.float64)
     if record.ndim != 1:
         raise ValueError(f'{name} has shape {record.shape}, it must be one-dimensional')
-    finite = np.isfinite(record)
-    if not finite.all():
-        first = int(np.argmin(finite))
-        raise ValueError(f'{name}[{first}] is {record[first]}, it must be finite')
     return record
-
-
-def _limit_reached(
-    voltage_v: NDArray[np.float64], limits: Amplifier, sample_period_s: float,
-) -> str:
-    """Return the limit of the amplifier that a stretch reaches, in words; empty for none."""
-    slew_step_v = limits.slew_limit_v_per_s * sample_period_s
-    step_v = float(np.max(np.abs(np.diff(voltage_v)), initial=0.0))
-    if step_v >= slew_step_v:
-        return (
-            f'slews: a voltage step of {step_v:.4g} V reaches the {slew_step_v:.4g} V per sample '
-            'that the amplifier can')
-    for value, reaches, limit in (
-        (float(voltage_v.min()), 'falls to', limits.voltage_minimum_v),
-        (float(voltage_v.max()), 'rises to', limits.voltage_maximum_v),
-    ):
-        if (value <= limit) if reaches == 'falls to' else (value >= limit):
-            return f'saturates: the voltage {reaches} {value:.4g} V, the limit is {limit:.4g} V'
-    return ''
 
 
 def _evaluate(
     window: Window, inputs: NDArray[np.float64], outputs: NDArray[np.float64],
-    sample_period_s: float, reason: str,
+    voltage_v: NDArray[np.float64], sample_period_s: float, limits: Amplifier,
 ) -> _Stretch:
     fundamental = window.fundamental_hz * sample_period_s  # turns per sample
+    finite = inputs[np.isfinite(inputs)]
+    peak = float(np.ptp(finite)) / 2.0 if finite.size else math.nan
+    offset = float(finite.mean()) if finite.size else math.nan
     lines = np.array(window.lines, dtype=np.float64)
     extra = _detection_lines(window.lines, fundamental)
-    fit = fit_lines(
-        np.stack([inputs, outputs]), window.start,
-        fundamental * np.concatenate([lines, extra]), 1.0 / fundamental)
+    signals = np.stack([inputs, outputs])
+    reason, reached = limit_reached(voltage_v, limits, sample_period_s)
+    if reason:
+        signals = np.where(settled_samples(reached, 1.0 / fundamental), signals, np.nan)
+    is_whole = bool(np.isfinite(signals).all())
+    try:
+        fit = fit_lines(
+            signals, window.start, fundamental * np.concatenate([lines, extra]), 1.0 / fundamental)
+    except ValueError as refusal:
+        if is_whole:
+            raise
+        nothing = np.full(lines.size, np.nan)
+        return _Stretch(
+            window.frequency_hz, nothing.astype(np.complex128), nothing, nothing, peak, offset,
+            math.nan, reason or str(refusal))
     count = lines.size
     x, y = fit.phasor[:, :count]
-    peak = float(np.ptp(inputs)) / 2.0
     uncertain = np.sqrt(fit.residual_variance[0] * fit.unit_variance[:count])
     for frequency_hz, size, error in zip(
             window.frequency_hz.tolist(), np.abs(x).tolist(), uncertain.tolist(), strict=True):
@@ -318,7 +358,7 @@ def _evaluate(
     variance, coherence = _confidence(fit, response, count)
     return _Stretch(
         window.frequency_hz, response, variance, coherence, peak, float(fit.mean[0]),
-        _distortion(fit, count), reason)
+        _distortion(fit, count), '', fit.samples_used)
 
 
 def _distortion(fit: LineFit, count: int) -> float:
@@ -358,7 +398,7 @@ def _confidence(
     coherence = np.full(count, np.nan)
     if groups > 1:
         error = fit.deviation[:, 1, :count] - response * fit.deviation[:, 0, :count]
-        scatter = np.sum(np.abs(error)**2, axis=0) / (groups * (groups - 1)) / power
+        scatter = groups / (groups - 1) * (fit.share**2 @ np.abs(error)**2) / power
         variance = np.maximum(variance, scatter)
         group_x = x + fit.deviation[:, 0, :count]
         group_y = fit.phasor[1, :count] + fit.deviation[:, 1, :count]
@@ -390,7 +430,7 @@ def _assemble(
         kept.append(FrequencyResponse(
             stretch.frequency_hz, stretch.response, stretch.variance, stretch.coherence,
             np.full(size, distortion), np.full(size, stretch.amplitude),
-            np.full(size, stretch.offset), sample_period_s))
+            np.full(size, stretch.offset), sample_period_s, samples_used=stretch.samples_used))
     if not kept:
         raise ValueError(f'no point is left: {excluded[0].reason}')
     return dataclasses.replace(merge(kept), excluded=tuple(excluded))

@@ -18,7 +18,8 @@ Sines and cosines at known frequencies, fitted to a stretch of a record by least
     y[k] = sum_l (a_l cos(w_l k) + b_l sin(w_l k)) + c + d (k - k_mean)/N + e[k]
     phasor Y_l = a_l - i b_l
 
-Unlike a DFT this needs no whole number of samples per period. Constant and drift are fitted too.
+Unlike a DFT this needs no whole number of samples per period, and samples may be missing. Constant
+and drift are fitted too.
 
 Examples
 --------
@@ -30,6 +31,7 @@ Examples
 
 """
 
+import itertools
 from typing import NamedTuple
 
 import numpy as np
@@ -39,6 +41,8 @@ from scipy.linalg import cho_factor, cho_solve
 __all__ = ['LineFit', 'fit_lines']
 
 _MOST_GROUPS = 24  # enough to estimate the scatter; more would only shorten each group
+_LEAST_LEFT = 0.7  # share of the samples of a group; with less the whole group is left out
+_LEAST_GROUPS = 0.25  # share of the groups
 
 
 class LineFit(NamedTuple):
@@ -54,6 +58,8 @@ class LineFit(NamedTuple):
     mean: NDArray[np.float64]  # (S,) the constant
     residual_variance: NDArray[np.float64]  # (S,) of the residual, per sample
     unit_variance: NDArray[np.float64]  # (L,) E|Y|^2 for white noise of unit variance
+    share: NDArray[np.float64]  # (M,) of the used samples that each group has
+    samples_used: int
 
 
 def fit_lines(
@@ -66,7 +72,8 @@ def fit_lines(
     Parameters
     ----------
     signals : ndarray, shape (S, N)
-        The stretch, the same samples of every signal.
+        The stretch, the same samples of every signal. Samples at which one of them is not finite
+        are left out, and so is a group of periods that lacks more than 30 % of its samples.
     first_index : int
         Index of its first sample in the record; phases refer to index 0.
     turns_per_sample : ndarray, shape (L,)
@@ -82,7 +89,8 @@ def fit_lines(
     Raises
     ------
     ValueError
-        If the stretch is shorter than one period or has too few samples for the lines.
+        If the stretch is shorter than one period or has too few samples for the lines, also after
+        those that are not finite are left out.
 
     """
     lines = turns_per_sample.size
@@ -97,21 +105,22 @@ def fit_lines(
             f'and {columns + 1} samples')
     groups = _group_count(periods, count, columns)
     bounds = [round(periods * m / groups * samples_per_period) for m in range(groups)] + [count]
-    mean = signals.mean(axis=1, keepdims=True)
+    parts = _finite_parts(signals, bounds, columns)
+    whole = np.concatenate(parts)
+    mean = signals[:, whole].mean(axis=1, keepdims=True)
     centred = signals - mean  # a large offset would cancel the digits of the sums of squares
+    groups = len(parts)
     grams = np.empty((groups, columns, columns))
     sides = np.empty((groups, columns, signals.shape[0]))
-    drift = (np.arange(count) - 0.5 * (count - 1)) / count
-    for m in range(groups):
-        part = slice(bounds[m], bounds[m + 1])
-        index = first_index + np.arange(part.start, part.stop, dtype=np.float64)
-        design = _design(index, turns_per_sample, drift[part])
+    for m, part in enumerate(parts):
+        drift = (part - 0.5 * (count - 1)) / count
+        design = _design(first_index + part.astype(np.float64), turns_per_sample, drift)
         grams[m] = design.T @ design
         sides[m] = design.T @ centred[:, part].T
     gram, side = grams.sum(axis=0), sides.sum(axis=0)
     factor = cho_factor(gram)
     solution = cho_solve(factor, side)
-    squares = np.einsum('sn,sn->s', centred[:, :count], centred[:, :count])
+    squares = np.einsum('sn,sn->s', centred[:, whole], centred[:, whole])
     # For an exact fit the difference is rounding and may be negative.
     left = np.maximum(squares - np.einsum('cs,cs->s', solution, side), 0.0)
     inverse_diagonal = np.diag(cho_solve(factor, np.eye(columns)))
@@ -125,8 +134,29 @@ def fit_lines(
         phasor=_phasors(solution, lines),
         deviation=deviation,
         mean=mean[:, 0] + solution[2 * lines],
-        residual_variance=left / (count - columns),
-        unit_variance=inverse_diagonal[:lines] + inverse_diagonal[lines:2 * lines])
+        residual_variance=left / (whole.size - columns),
+        unit_variance=inverse_diagonal[:lines] + inverse_diagonal[lines:2 * lines],
+        share=np.array([part.size / whole.size for part in parts]),
+        samples_used=whole.size)
+
+
+def _finite_parts(
+    signals: NDArray[np.float64], bounds: list[int], columns: int,
+) -> list[NDArray[np.intp]]:
+    """Return the indices of the finite samples of each group that has enough of them."""
+    finite: NDArray[np.bool_] = np.asarray(np.isfinite(signals).all(axis=0))
+    parts = [
+        start + np.flatnonzero(finite[start:stop])
+        for start, stop in itertools.pairwise(bounds)]
+    usable = [
+        part for part, (start, stop) in zip(parts, itertools.pairwise(bounds), strict=True)
+        if part.size >= _LEAST_LEFT * (stop - start) and part.size > columns]
+    if len(usable) < min(2, len(parts)) or len(usable) < _LEAST_GROUPS * len(parts):
+        left = sum(part.size for part in parts)
+        raise ValueError(
+            f'{bounds[-1] - left} of {bounds[-1]} samples are lost, and what is left does not '
+            'contain enough of each period')
+    return usable
 
 
 def _group_count(periods: int, count: int, columns: int) -> int:

@@ -225,8 +225,8 @@ SINE = np.sin(2.0 * np.pi * 0.01 * np.arange(1000))
 
 @pytest.mark.parametrize(('arguments', 'words'), [
     ((SINE, SINE[1:], [Window(0, 900, 1000.0)]), 'output has 999 samples and input_ 1000'),
-    ((SINE, np.where(np.arange(1000) == 7, np.nan, SINE), [Window(0, 900, 1000.0)]),
-     r'output\[7\] is nan'),
+    ((SINE, np.where(np.arange(1000) % 2 == 0, np.nan, SINE), [Window(0, 900, 1000.0)]),
+     'no point is left: 450 of 900 samples are lost'),
     ((SINE, SINE, [Window(500, 1001, 1000.0)]), 'not inside the record of 1000 samples'),
     ((SINE, SINE, [Window(0, 1000, 2000.0)]), 'does not contain 2000 Hz'),
     ((SINE, SINE, [Window(0, 50, 1000.0)]), '0.5 periods'),
@@ -243,3 +243,73 @@ def test_a_record_of_which_nothing_is_left_says_why():
         frequency_response(
             SINE, SINE, TS, excitation=[Window(0, 1000, 1000.0)],
             amplifier=Amplifier(slew_limit_v_per_s=1.0))
+
+
+@pytest.mark.parametrize('value', [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize('stream', ['command', 'displacement'])
+def test_d8_one_sample_that_is_not_finite_costs_no_other_frequency(stepped, value, stream):
+    excitation, _, displacement = stepped
+    record = {'command': excitation.command.copy(), 'displacement': displacement.copy()}
+    window = excitation.windows[1]
+    record[stream][[10, window.start + 50]] = value
+    found = frequency_response(
+        record['command'], record['displacement'], TS, excitation=excitation)
+    expected = true_response(found.frequency_hz)
+    assert found.frequency_hz.size == 4
+    assert np.max(np.abs(found.response / expected - 1.0)) < 1e-7
+    assert found.samples_lost == 2
+    inside, outside = found.losses
+    assert inside.startswith(f'{window.fundamental_hz:g} Hz: 1 of ')
+    assert outside.startswith('outside of all frequencies: 1 samples are lost, from sample 10 to')
+
+
+def test_d8_a_frequency_of_which_too_much_is_lost_is_left_out_with_the_reason(stepped):
+    excitation, _, displacement = stepped
+    gap = displacement.copy()
+    window = excitation.windows[2]
+    gap[window.start:window.start + 9 * (window.stop - window.start) // 10] = np.nan
+    found = frequency_response(excitation.command, gap, TS, excitation=excitation)
+    assert found.frequency_hz.size == 3
+    (left_out,) = found.excluded
+    assert left_out.frequency_hz == window.fundamental_hz
+    assert 'samples are lost' in left_out.reason
+
+
+def test_d8_of_a_multisine_the_periods_that_are_touched_are_dropped():
+    excitation = multisine(100.0, odd_lines(60), 0.5, TS, periods=6)
+    _, displacement = play(excitation)
+    (window,) = excitation.windows
+    gap = displacement.copy()
+    gap[window.start + 1300:window.start + 1900] = np.nan  # within the second period
+    found = frequency_response(excitation.command, gap, TS, excitation=excitation)
+    assert np.max(np.abs(found.response / true_response(found.frequency_hz) - 1.0)) < 1e-7
+    assert found.samples_used == 5000
+    assert found.samples_lost == 600
+    assert found.excluded == ()
+
+
+def test_d8_scattered_losses_leave_every_frequency_with_an_honest_variance():
+    excitation = stepped_sine([100.0, 1000.0, 3000.0], 0.5, TS, dwell_s=0.1)
+    generator = np.random.default_rng(11)
+    inside = []
+    for _ in range(60):
+        output = excitation.command + 1e-3 * generator.normal(size=excitation.command.size)
+        output[generator.choice(output.size, 200)] = np.nan
+        found = frequency_response(
+            excitation.command, output, TS, excitation=excitation, distortion_limit=np.inf)
+        inside.append(np.abs(found.response - 1.0) < found.confidence_radius)
+    assert np.shape(inside) == (60, 3)
+    assert 0.9 < np.mean(inside) < 1.0
+
+
+def test_d8_a_limit_that_is_reached_for_a_moment_costs_the_periods_around_it():
+    excitation = stepped_sine([1000.0], 0.5, TS, dwell_s=0.1)
+    voltage, displacement = play(excitation)
+    (window,) = excitation.windows
+    at = window.start + 5000
+    voltage[at], displacement[at:at + 50] = 9.0, 0.0
+    found = frequency_response(
+        excitation.command, displacement, TS, excitation=excitation, voltage_v=voltage,
+        amplifier=Amplifier(voltage_maximum_v=8.0))
+    assert np.max(np.abs(found.response / true_response(found.frequency_hz) - 1.0)) < 1e-7
+    assert 0.85 < found.samples_used / (window.stop - window.start) < 1.0

@@ -1,0 +1,122 @@
+# Copyright 2026 piezo_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""``piezo identify dynamics --place-from``: which poles are before the hysteresis."""
+
+import argparse
+from pathlib import Path
+from typing import Final
+
+import yaml
+
+from piezo_ros.bag import BagError, Run, open_recording
+from piezo_ros.bag.recorded_node import recorded_node, recorded_parameters
+from piezo_ros.cli.bag_options import bag_options
+from piezo_ros.identification.place.hysteresis_place import HysteresisPlace
+from piezo_ros.identification.place.placed_file import (
+    placed_parameter_yaml,
+    undecided_parameter_yaml,
+)
+from piezo_ros.model import DynamicsParameters, HysteresisParameters
+from piezo_ros.parameters.parameter_file import read_parameter_set
+
+__all__ = ['add_place_arguments', 'placed_model']
+
+_NODE: Final = '/**/trajectory'
+
+
+def add_place_arguments(kind: argparse.ArgumentParser) -> None:
+    """Describe the bags that tell where the hysteresis is."""
+    kind.add_argument(
+        '--place-from', type=Path, action='append', metavar='BAG',
+        help='find out which of the poles are before the hysteresis by voltage and displacement of '
+        'this bag: of a virgin stage, at the frequencies of the poles and at amplitudes at which '
+        'the hysteresis shows. The hysteresis is that of --compensator, else of the compensator in '
+        'the bag (default: by the bags of the dynamics, where the hysteresis is known)')
+
+
+def placed_model(options: argparse.Namespace, text: str, runs: list[Run]) -> str:
+    """
+    Return a parameter file of the dynamics with the place of the hysteresis, and print it.
+
+    Parameters
+    ----------
+    options : argparse.Namespace
+        The arguments of the command.
+    text : str
+        The file.
+    runs : list of Run
+        What the dynamics were identified from.
+
+    Raises
+    ------
+    BagError
+        If a bag that is told cannot be read, does not begin with the run, or knows no hysteresis.
+    ValueError
+        If such bags are too short, or the file is none of the trajectory node.
+
+    """
+    nodes = yaml.safe_load(text)
+    if _NODE not in nodes:
+        if options.place_from:
+            raise ValueError('--place-from needs dynamics that the trajectory node has')
+        return text
+    dynamics = DynamicsParameters.among(nodes[_NODE]['ros__parameters'])
+    if options.place_from:
+        place = _place(
+            [_read(path, options) for path in options.place_from], options, dynamics)
+    else:
+        try:
+            place = _place(runs, options, dynamics)
+        except (BagError, ValueError) as error:
+            print(f'place of the hysteresis: undecided, {error}')
+            return undecided_parameter_yaml(text)
+    print(f'place of the hysteresis: {place}')
+    return placed_parameter_yaml(text, place)
+
+
+def _place(
+    runs: list[Run], options: argparse.Namespace, dynamics: DynamicsParameters,
+) -> 'HysteresisPlace':
+    from piezo_ros.identification.place.hysteresis_place import (
+        TimeRecord,
+        decide_hysteresis_place,
+    )
+    if not runs:
+        raise ValueError('as no bag is given')
+    for run in runs:
+        if run.start_index != 0:
+            raise BagError(
+                f'{run.path} begins at sample {run.start_index}: what the hysteresis remembers of '
+                'the samples before is not known')
+    return decide_hysteresis_place(
+        [TimeRecord(run.voltage_v, run.displacement_um, run.sample_period_s) for run in runs],
+        _hysteresis(options, runs[0]), dynamics)
+
+
+def _read(path: Path, options: argparse.Namespace) -> Run:
+    recording = open_recording(path, **bag_options(options), fill_gaps=True)
+    return recording.part(0, recording.samples, streams=('voltage', 'displacement'))
+
+
+def _hysteresis(options: argparse.Namespace, run: Run) -> HysteresisParameters:
+    if options.compensator:
+        return read_parameter_set(options.compensator, 'compensator', HysteresisParameters)
+    trajectory = recorded_node(run, 'trajectory', anywhere=True) or {}
+    # In a run of the bare actuator the compensator is idle, whatever its parameters are.
+    is_bare = trajectory.get('output') == 'voltage'
+    if is_bare or recorded_node(run, 'compensator', anywhere=True) is None:
+        raise BagError(
+            f'{run.path} does not say the hysteresis, which must be told (--compensator FILE)')
+    return recorded_parameters(run, 'compensator', HysteresisParameters)
