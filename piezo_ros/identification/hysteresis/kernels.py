@@ -13,21 +13,13 @@
 # limitations under the License.
 
 """
-Compiled kernels of the hysteresis identification: predictions with their derivatives.
-
-Play of threshold r, and a superposition of n plays:
-
-    P_k = max(u_k - r, min(u_k + r, P_{k-1})),   x_k = p_0 u_k + sum_i p_i P_k[r_i]
+Compiled kernels of the Bouc-Wen model and of the turns of a voltage.
 
 Bouc-Wen model, implicit where h decays, so that no step, however coarse, makes h grow:
 
     q_k = beta |du_k| + gamma du_k sign(h_{k-1})
     h_k = (h_{k-1} + a du_k)/(1 + q_k) if q_k > 0 else (h_{k-1} + a du_k)(1 - q_k)
     x_k = d u_k - h_k + offset
-
-Delay of d samples, with the share s that `delayed` returns:
-
-    x(k - d) = x_{j-1} + s (x_j - x_{j-1})
 """
 
 import numpy as np
@@ -35,62 +27,9 @@ from numpy.typing import NDArray
 
 from piezo_ros.model.compiled import kernel
 
-__all__ = ['bouc_wen_chunk', 'find_reversals', 'play_chunk']
+__all__ = ['bouc_wen_chunk', 'find_reversals']
 
 _Floats = NDArray[np.float64]
-
-
-@kernel
-def play_chunk(
-    play_v: _Floats, by_threshold: _Floats, last: _Floats, theta: _Floats, share: float,
-    voltage_v: _Floats, weight: _Floats, prediction_um: _Floats, jacobian: _Floats,
-) -> int:
-    """
-    Predict some samples of a delayed superposition of plays and differentiate by every parameter.
-
-    ``theta`` is (p_0 … p_n, r_1 … r_n, delay, offset). The prediction is interpolated between the
-    displacements of the last and the present voltage, with the weight ``share`` of the present one.
-    A moving play has the derivative -1 or +1 by its threshold; a play at rest keeps the derivative
-    that it had when it stopped. The state between chunks is ``play_v`` and ``by_threshold``, shape
-    (n,), and ``last``, the last voltage and displacement. Samples without weight get no row of the
-    Jacobian; the number of rows is returned.
-    """
-    plays = play_v.size
-    row = 0
-    for k in range(voltage_v.size):
-        voltage = voltage_v[k]
-        used = weight[k] > 0.0
-        if used:
-            jacobian[row, 0] = last[0] + share * (voltage - last[0])
-        displacement = theta[0] * voltage
-        for i in range(plays):
-            threshold = theta[plays + 1 + i]
-            before = play_v[i]
-            play = before
-            by_before = by_threshold[i]
-            by_now = by_before
-            if voltage - threshold > play:
-                play = voltage - threshold
-                by_now = -1.0
-            elif voltage + threshold < play:
-                play = voltage + threshold
-                by_now = 1.0
-            play_v[i] = play
-            by_threshold[i] = by_now
-            displacement += theta[1 + i] * play
-            if used:
-                jacobian[row, 1 + i] = before + share * (play - before)
-                jacobian[row, plays + 1 + i] = theta[1 + i] * (
-                    by_before + share * (by_now - by_before))
-        change = displacement - last[1]
-        prediction_um[k] = last[1] + share * change + theta[2 * plays + 2]
-        if used:
-            jacobian[row, 2 * plays + 1] = -change
-            jacobian[row, 2 * plays + 2] = 1.0
-            row += 1
-        last[0] = voltage
-        last[1] = displacement
-    return row
 
 
 @kernel

@@ -34,7 +34,6 @@ from piezo_ros.identification.hysteresis.records import (
     Record,
     concatenated_residual,
     cross_validate,
-    delayed,
     make_records,
     predict,
 )
@@ -148,11 +147,10 @@ def _score(
 
 
 def _without_delay(records: Sequence[Record], delay_samples: float) -> list[Record]:
-    free = []
-    for record in records:
-        later, share = delayed(record.voltage_v, delay_samples)
-        free.append(replace(record, voltage_v=later[:-1] + share * np.diff(later)))
-    return free
+    return [
+        replace(record, voltage_v=np.interp(
+            record.index - delay_samples, record.index, record.voltage_v))
+        for record in records]
 
 
 def _polynomial(records: Sequence[Record]) -> list[_Floats]:

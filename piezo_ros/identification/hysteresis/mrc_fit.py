@@ -72,23 +72,22 @@ class PlayModel(NamedTuple):
 
     plays: int
 
-    def delay(self, theta: _Floats) -> float:
-        """Return the samples by which the displacement lags behind the voltage."""
-        return float(theta[-2])
+    def add(
+        self, record: Record, theta: _Floats, gradient: _Floats, curvature: _Floats,
+    ) -> float:
+        """Add the normal equations of a record, see `RecordModel.add`."""
+        from piezo_ros.identification.hysteresis.play_kernels import add_play_equations
+        return add_play_equations(
+            theta, record.index, record.voltage_v, record.displacement_um, record.weight,
+            gradient, curvature, np.empty(10 * theta.size + 9))
 
-    def initial_state(self) -> tuple[_Floats, ...]:
-        """Return plays, their derivatives, last voltage and displacement of a virgin stage."""
-        return np.zeros(self.plays), np.zeros(self.plays), np.zeros(2)
-
-    def fill(
-        self, state: tuple[_Floats, ...], theta: _Floats, share: float, voltage_v: _Floats,
-        weight: _Floats, prediction_um: _Floats, jacobian: _Floats,
-    ) -> int:
-        """Predict N samples, see `ChunkModel.fill`."""
-        from piezo_ros.identification.hysteresis.kernels import play_chunk
-        play_v, by_threshold, last = state
-        return play_chunk(
-            play_v, by_threshold, last, theta, share, voltage_v, weight, prediction_um, jacobian)
+    def predict(self, record: Record, theta: _Floats) -> _Floats:
+        """Return the displacement at every sample, see `RecordModel.predict`."""
+        from piezo_ros.identification.hysteresis.play_kernels import play_predictions
+        prediction_um = np.empty(record.voltage_v.size)
+        play_predictions(
+            theta, record.index, record.voltage_v, prediction_um, np.empty(3 * self.plays + 1))
+        return prediction_um
 
 
 class MrcFit(NamedTuple):

@@ -296,7 +296,9 @@ def _without_turns(records: Sequence[Record], delay_samples: float) -> list[Reco
     for record in records:
         weight = record.weight.copy()
         for turn in (0, *reversals_of(record.voltage_v)):
-            weight[max(turn - 1, 0):turn + settling] = 0.0
+            begin, end = np.searchsorted(
+                record.index, record.index[turn] + np.array([-1.0, settling]))
+            weight[begin:end] = 0.0
         if weight.sum() < 0.5 * record.weight.sum():
             return list(records)  # too many turns: too few samples would be left to fit
         kept.append(replace(record, weight=weight))

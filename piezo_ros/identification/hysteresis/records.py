@@ -13,18 +13,13 @@
 # limitations under the License.
 
 """
-Recorded runs as the hysteresis fits need them: checks, delay, normal equations, cross-validation.
-
-A displacement that lags by d samples behind the voltage, n = floor(d):
-
-    x(k - d) = x_{k-n-1} + s (x_{k-n} - x_{k-n-1}),   s = 1 - (d - n)
+Recorded runs as the hysteresis fits need them: checks, normal equations, cross-validation.
 
 Cross-validation: each run is cut into 55 blocks, block b belongs to fold b mod 5. The score of a
 fold is its mean squared error under the model that is fitted to the other folds.
 """
 
-import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Final, Protocol
 
@@ -34,15 +29,16 @@ from numpy.typing import ArrayLike, NDArray
 from piezo_ros.identification.hysteresis.least_squares import NormalEquations
 
 __all__ = [
-    'ChunkModel',
     'Record',
+    'RecordModel',
     'accumulate',
     'concatenated_residual',
     'cross_validate',
-    'delayed',
     'make_records',
     'predict',
+    'reduced',
     'reversals_of',
+    'turns_of',
 ]
 
 FOLDS: Final = 5
@@ -51,7 +47,12 @@ _BLOCKS_PER_FOLD: Final = 11
 _FEWEST_SAMPLES: Final = 100
 # Share of the peak-to-peak voltage by which the voltage must turn back to count as a reversal.
 _REVERSAL_SHARE: Final = 0.01
-_CHUNK_SAMPLES: Final = 4096  # the Jacobian of a chunk stays in the cache of the processor
+# Longer records are averaged over bins to so many samples, beside their turns.
+_MOST_SAMPLES: Final = 200_000
+# A voltage with more turns than that is a noisy reading: it turns where it does by this many times
+# the noise.
+_MOST_TURNS: Final = 20_000
+_NOISE_BAND: Final = 10.0
 
 _Floats = NDArray[np.float64]
 
@@ -68,9 +69,11 @@ class Record:
     displacement_um : ndarray, shape (N,)
         Measured displacement; any number where the weight is 0.
     weight : ndarray, shape (N,)
-        1 where a sample counts, 0 where it is left out.
+        How many samples of the recording it stands for, 0 where it is left out.
     measured : ndarray of bool, shape (N,)
         Whether the displacement is a finite measurement.
+    index : ndarray, shape (N,)
+        When it was taken, rising, in samples of the recording; not an integer for a mean.
 
     """
 
@@ -78,28 +81,19 @@ class Record:
     displacement_um: _Floats
     weight: _Floats
     measured: NDArray[np.bool_]
+    index: _Floats
 
 
-class ChunkModel(Protocol):
-    """A model with memory that predicts and differentiates chunk after chunk."""
+class RecordModel(Protocol):
+    """A model with memory that predicts a record and differentiates by its parameters."""
 
-    def delay(self, theta: _Floats) -> float:
-        """Return the samples by which the displacement lags behind the voltage."""
+    def add(
+        self, record: Record, theta: _Floats, gradient: _Floats, curvature: _Floats,
+    ) -> float:
+        """Add J'We to the gradient, J'WJ to the curvature (upper triangle); return e'We."""
 
-    def initial_state(self) -> tuple[_Floats, ...]:
-        """Return the state of a virgin stage."""
-
-    def fill(
-        self, state: tuple[_Floats, ...], theta: _Floats, share: float, voltage_v: _Floats,
-        weight: _Floats, prediction_um: _Floats, jacobian: _Floats,
-    ) -> int:
-        """
-        Predict N samples, differentiate those of weight 1 and advance the state.
-
-        The prediction is interpolated between the displacements of the last and the present
-        voltage, with the weight ``share`` of the present one. Fills the prediction, shape (N,), and
-        the first rows of the Jacobian, shape (N, m); returns the number of rows.
-        """
+    def predict(self, record: Record, theta: _Floats) -> _Floats:
+        """Return the displacement at every sample, shape (N,)."""
 
 
 def make_records(
@@ -160,7 +154,68 @@ def _record(index: int, voltage: _Floats, displacement: _Floats, virgin: bool) -
     weight = measured.astype(np.float64)
     if not virgin:
         weight[:np.argmax(np.abs(voltage))] = 0.0
-    return Record(voltage, np.where(measured, displacement, 0.0), weight, measured)
+    return Record(
+        voltage, np.where(measured, displacement, 0.0), weight, measured,
+        np.arange(voltage.size, dtype=np.float64))
+
+
+def reduced(record: Record, samples: int = _MOST_SAMPLES) -> Record:
+    """
+    Return a record of about so many samples: means over bins, and every sample about a turn.
+
+    Along a branch the displacement of the model is a straight line but for some bends, so that the
+    mean over a bin tells what its samples tell. A bin in which the voltage turns stays as it is.
+
+    Parameters
+    ----------
+    record : Record
+        The data.
+    samples : int, optional
+        Bins at most.
+
+    """
+    size = record.voltage_v.size
+    length = -(-size // samples)
+    if length == 1:
+        return record
+    bins = -(-size // length)
+    kept = np.zeros(bins, dtype=np.bool_)
+    turns = turns_of(record.voltage_v)
+    for neighbour in (-1, 0, 1):
+        kept[np.clip(turns + neighbour, 0, size - 1) // length] = True
+    kept[[0, -1]] = True
+    first = np.arange(bins) * length
+    # A bin of its own for each sample about a turn.
+    starts = np.unique(np.concatenate([
+        first, (first[kept, np.newaxis] + np.arange(length)).ravel()]))
+    starts = starts[starts < size]
+    count = np.diff(starts, append=size)
+    weight = np.add.reduceat(record.weight, starts)
+    used = np.maximum(weight, np.finfo(np.float64).tiny)
+
+    def mean(values: _Floats) -> _Floats:
+        # Where nothing counts, of all samples; of those that count otherwise.
+        plain = np.add.reduceat(values, starts) / count
+        weighted = np.add.reduceat(values * record.weight, starts) / used
+        return np.where(weight > 0.0, weighted, plain)
+
+    return Record(
+        mean(record.voltage_v), mean(record.displacement_um), weight,
+        np.logical_or.reduceat(record.measured, starts), mean(record.index))
+
+
+def turns_of(voltage_v: _Floats) -> NDArray[np.int64]:
+    """Return the indices at which the voltage turns; of a noisy reading those beyond the noise."""
+    change = np.diff(voltage_v)
+    moving = np.flatnonzero(change)
+    turns = 1 + moving[:-1][change[moving[:-1]] * change[moving[1:]] < 0.0]
+    if turns.size <= _MOST_TURNS:
+        return turns
+    noise_v = float(np.median(np.abs(np.diff(change)))) / (0.6745 * np.sqrt(6.0))
+    band_v = max(_NOISE_BAND * noise_v, 1e-6 * float(np.ptp(voltage_v)))
+    from piezo_ros.identification.hysteresis.kernels import find_reversals
+    indices = np.empty(voltage_v.size, dtype=np.int64)
+    return indices[:find_reversals(voltage_v, band_v, indices)]
 
 
 def reversals_of(voltage_v: _Floats) -> NDArray[np.int64]:
@@ -171,67 +226,38 @@ def reversals_of(voltage_v: _Floats) -> NDArray[np.int64]:
     return indices[:count]
 
 
-def delayed(values: _Floats, delay_samples: float) -> tuple[_Floats, float]:
-    """
-    Return the two samples between which each sample of a delayed signal lies.
-
-    Parameters
-    ----------
-    values : ndarray, shape (N,)
-        The signal; it is constant before its first and after its last sample.
-    delay_samples : float
-        Delay d, negative for an advance.
-
-    Returns
-    -------
-    later : ndarray, shape (N + 1,)
-        The signal delayed by whole samples, with one more sample in front.
-    share : float
-        ``values[k - d]`` is ``later[k] + share * (later[k + 1] - later[k])``.
-
-    """
-    whole = math.floor(delay_samples)
-    index = np.arange(-1, values.size) - whole
-    return values[np.clip(index, 0, values.size - 1)], 1.0 - (delay_samples - whole)
-
-
 def accumulate(
-    model: ChunkModel, records: Sequence[Record], theta: _Floats,
+    model: RecordModel, records: Sequence[Record], theta: _Floats,
 ) -> NormalEquations:
     """
     Return the normal equations of a model over all records.
 
     Parameters
     ----------
-    model : ChunkModel
+    model : RecordModel
         The model, with m parameters.
     records : sequence of Record
-        The data; only samples of weight 1 count.
+        The data; only samples with weight count.
     theta : ndarray, shape (m,)
         Parameters.
 
     """
     size = theta.size
-    cost, gradient, curvature, samples = 0.0, np.zeros(size), np.zeros((size, size)), 0
-    jacobian = np.empty((_CHUNK_SAMPLES, size))
-    for record in records:
-        for chunk, predicted, count in _chunks(model, record, theta, record.weight, jacobian):
-            rows = jacobian[:count]
-            residual = (record.displacement_um[chunk] - predicted)[record.weight[chunk] > 0.0]
-            cost += float(residual @ residual)
-            gradient += rows.T @ residual
-            curvature += rows.T @ rows
-            samples += count
+    gradient, curvature = np.zeros(size), np.zeros((size, size))
+    cost = sum(model.add(record, theta, gradient, curvature) for record in records)
+    lower = np.tril_indices(size, -1)
+    curvature[lower] = curvature.T[lower]
+    samples = sum(int(np.count_nonzero(record.weight)) for record in records)
     return NormalEquations(cost, gradient, curvature, samples)
 
 
-def predict(model: ChunkModel, records: Sequence[Record], theta: _Floats) -> list[_Floats]:
+def predict(model: RecordModel, records: Sequence[Record], theta: _Floats) -> list[_Floats]:
     """
     Return the displacement that a model predicts for every record.
 
     Parameters
     ----------
-    model : ChunkModel
+    model : RecordModel
         The model, with m parameters.
     records : sequence of Record
         The data; only the voltage is used.
@@ -244,30 +270,7 @@ def predict(model: ChunkModel, records: Sequence[Record], theta: _Floats) -> lis
         Displacement of each record, micrometres.
 
     """
-    no_rows = np.empty((0, theta.size))
-    return [
-        np.concatenate([
-            predicted.copy() for _, predicted, _ in _chunks(
-                model, record, theta, np.zeros_like(record.weight), no_rows)])
-        for record in records
-    ]
-
-
-def _chunks(
-    model: ChunkModel, record: Record, theta: _Floats, weight: _Floats, jacobian: _Floats,
-) -> Iterator[tuple[slice, _Floats, int]]:
-    """Run a model through a record; yield slice, prediction and number of rows of the Jacobian."""
-    voltage, share = delayed(record.voltage_v, model.delay(theta))
-    state = model.initial_state()
-    prediction = np.empty(_CHUNK_SAMPLES)
-    # The first sample only sets the last voltage and its displacement.
-    model.fill(state, theta, share, voltage[:1], np.zeros(1), prediction, jacobian)
-    for first in range(0, weight.size, _CHUNK_SAMPLES):
-        chunk = slice(first, min(first + _CHUNK_SAMPLES, weight.size))
-        part = prediction[:chunk.stop - first]
-        count = model.fill(
-            state, theta, share, voltage[first + 1:chunk.stop + 1], weight[chunk], part, jacobian)
-        yield chunk, part, count
+    return [model.predict(record, theta) for record in records]
 
 
 def concatenated_residual(

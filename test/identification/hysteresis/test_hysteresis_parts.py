@@ -26,7 +26,6 @@ from piezo_ros.identification.hysteresis.mrc_start import plays_of_rising_curve
 from piezo_ros.identification.hysteresis.records import (
     accumulate,
     cross_validate,
-    delayed,
     make_records,
     predict,
     reversals_of,
@@ -113,16 +112,6 @@ def test_a_parameter_between_equal_bounds_stays():
     fixed = np.array([-np.inf, 0.5]), np.array([np.inf, 0.5])
     theta, _ = minimise(evaluate, np.zeros(2), *fixed)
     np.testing.assert_allclose(theta, [1.0, 0.5], atol=1e-6)
-
-
-@pytest.mark.parametrize('delay', [0.0, 0.25, 1.0, 3.75, -0.5, -2.0])
-def test_a_delayed_signal_lies_between_two_samples(delay):
-    ramp = np.arange(50.0)
-    later, share = delayed(ramp, delay)
-    assert later.shape == (51,)
-    assert 0.0 < share <= 1.0
-    between = later[:-1] + share * np.diff(later)
-    np.testing.assert_allclose(between[10:-10], ramp[10:-10] - delay)
 
 
 def test_reversals_are_where_the_voltage_turns_and_not_where_it_trembles():
