@@ -94,8 +94,7 @@ def recorded_response(
             raise BagError(
                 f'{run.path} begins at sample {run.start_index}: what the hysteresis remembers of '
                 'the samples before is not known')
-        input_ = MaxwellResistiveCapacitor(
-            hysteresis.kappa_um_per_v, hysteresis.saturation_v).forward(run.voltage_v)[0]
+        input_ = MaxwellResistiveCapacitor.of(hysteresis).forward(run.voltage_v)[0]
     else:
         input_ = run.reference_um if closed_loop else run.command_um
     response = frequency_response(

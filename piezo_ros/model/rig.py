@@ -46,9 +46,9 @@ from piezo_ros.model.dynamics import DynamicsParameters, LinearDynamics
 from piezo_ros.model.hysteresis import (
     HysteresisConstants,
     HysteresisParameters,
-    forward_step,
     hysteresis_constants,
     hysteresis_state,
+    hysteresis_step,
 )
 from piezo_ros.model.parameters import ParameterError, parameter
 from piezo_ros.model.state_space import (
@@ -271,13 +271,13 @@ def rig_step(state: RigState, constants: RigConstants, voltage_v: float) -> floa
     state.drive_v[0] = drive_v
     state.drive_v[3] = voltage_v
     if constants.lumped:
-        free_um = forward_step(state.hysteresis, constants.hysteresis, drive_v)
+        free_um = hysteresis_step(state.hysteresis, constants.hysteresis, drive_v)
         free_um = creep_step(state.relaxed_um, constants.creep, free_um)
         true_um = update_then_output(state.mechanics, state.scratch, constants.mechanics, free_um)
     else:
         amplified_v = update_then_output(
             state.amplifier, state.scratch, constants.amplifier, drive_v)
-        free_um = forward_step(state.hysteresis, constants.hysteresis, amplified_v)
+        free_um = hysteresis_step(state.hysteresis, constants.hysteresis, amplified_v)
         free_um = creep_step(state.relaxed_um, constants.creep, free_um)
         true_um = output_then_update(state.mechanics, state.scratch, constants.mechanics, free_um)
     true_um = drift_step(state.drift_um, constants.creep, true_um)

@@ -142,7 +142,7 @@ def _score(
     return ModelScore(
         name=name, parameters_count=parameters_count,
         rms_um=math.sqrt(float(np.nanmean(residual**2))),
-        cross_validated_rms_um=math.sqrt(float(cross_validate(records, fit_and_predict).mean())),
+        cross_validated_rms_um=math.sqrt(float(cross_validate(records, fit_and_predict)[0].mean())),
         residual_um=residual)
 
 

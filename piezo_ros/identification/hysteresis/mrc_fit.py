@@ -76,14 +76,14 @@ class PlayModel(NamedTuple):
         self, record: Record, theta: _Floats, gradient: _Floats, curvature: _Floats,
     ) -> float:
         """Add the normal equations of a record, see `RecordModel.add`."""
-        from piezo_ros.identification.hysteresis.play_kernels import add_play_equations
+        from piezo_ros.identification.hysteresis.kernels import add_play_equations
         return add_play_equations(
             theta, record.index, record.voltage_v, record.displacement_um, record.weight,
             gradient, curvature, np.empty(10 * theta.size + 9))
 
     def predict(self, record: Record, theta: _Floats) -> _Floats:
         """Return the displacement at every sample, see `RecordModel.predict`."""
-        from piezo_ros.identification.hysteresis.play_kernels import play_predictions
+        from piezo_ros.identification.hysteresis.kernels import play_predictions
         prediction_um = np.empty(record.voltage_v.size)
         play_predictions(
             theta, record.index, record.voltage_v, prediction_um, np.empty(3 * self.plays + 1))
@@ -160,7 +160,7 @@ def fit_plays(
         As for `fit_mrc`.
 
     """
-    reach_v = max(float(np.max(np.abs(record.voltage_v))) for record in records)
+    reach_v = max(record.reach_v for record in records)
     return minimise(
         partial(accumulate, PlayModel(number_of_plays(start)), records), start,
         *play_bounds(start, reach_v, delay_bounds), maximum_steps)

@@ -55,7 +55,7 @@ def fit_prandtl_ishlinskii(
         Parameters of a `PlayModel`.
 
     """
-    reach_v = max(float(np.max(np.abs(record.voltage_v))) for record in records)
+    reach_v = max(record.reach_v for record in records)
     reach_um = max(
         float(np.max(np.abs(record.displacement_um * record.weight))) for record in records)
     thresholds = np.arange(1, plays + 1) * (reach_v / (plays + 1))

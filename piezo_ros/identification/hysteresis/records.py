@@ -37,7 +37,9 @@ __all__ = [
     'make_records',
     'predict',
     'reduced',
+    'refuse_single_branches',
     'reversals_of',
+    'split',
     'turns_of',
 ]
 
@@ -74,6 +76,8 @@ class Record:
         Whether the displacement is a finite measurement.
     index : ndarray, shape (N,)
         When it was taken, rising, in samples of the recording; not an integer for a mean.
+    virgin : bool
+        Whether the stage was virgin at the first sample; if not, the largest voltage begins it.
 
     """
 
@@ -82,6 +86,14 @@ class Record:
     weight: _Floats
     measured: NDArray[np.bool_]
     index: _Floats
+    virgin: bool = True
+
+    @property
+    def reach_v(self) -> float:
+        """Largest threshold of a play that moves: half the span of a branch, or a virgin curve."""
+        if self.virgin:
+            return float(np.max(np.abs(self.voltage_v)))
+        return 0.5 * float(np.ptp(self.voltage_v[np.argmax(np.abs(self.voltage_v)):]))
 
 
 class RecordModel(Protocol):
@@ -128,6 +140,31 @@ def make_records(
     ]
 
 
+def refuse_single_branches(records: Sequence[Record]) -> None:
+    """
+    Refuse records without a turn that could tell hysteresis from a curved characteristic.
+
+    Raises
+    ------
+    ValueError
+        If the voltage of no record turns; of a used stage, after its largest value.
+
+    """
+    for record in records:
+        begin = 0 if record.virgin else int(np.argmax(np.abs(record.voltage_v)))
+        turns = reversals_of(record.voltage_v)
+        if np.any(turns > begin):
+            return
+    voltage_v = records[0].voltage_v
+    largest_v = voltage_v[np.argmax(np.abs(voltage_v))]
+    where = ('does not turn' if records[0].virgin
+             else f'does not turn after its largest value, {largest_v:g} V')
+    raise ValueError(
+        f'voltage_v {where}: a single branch cannot tell hysteresis from a curved characteristic, '
+        'so that no loop is identified; at least one further turn is needed'
+        + ('' if records[0].virgin else ', or a run from a virgin stage'))
+
+
 def _as_list(values: ArrayLike | Sequence[ArrayLike]) -> list[_Floats]:
     if isinstance(values, list | tuple) and len(values) and np.ndim(values[0]) > 0:
         return [np.ascontiguousarray(value, dtype=np.float64) for value in values]
@@ -156,7 +193,7 @@ def _record(index: int, voltage: _Floats, displacement: _Floats, virgin: bool) -
         weight[:np.argmax(np.abs(voltage))] = 0.0
     return Record(
         voltage, np.where(measured, displacement, 0.0), weight, measured,
-        np.arange(voltage.size, dtype=np.float64))
+        np.arange(voltage.size, dtype=np.float64), virgin)
 
 
 def reduced(record: Record, samples: int = _MOST_SAMPLES) -> Record:
@@ -201,7 +238,8 @@ def reduced(record: Record, samples: int = _MOST_SAMPLES) -> Record:
 
     return Record(
         mean(record.voltage_v), mean(record.displacement_um), weight,
-        np.logical_or.reduceat(record.measured, starts), mean(record.index))
+        np.logical_or.reduceat(record.measured, starts), mean(record.index),
+        record.virgin)
 
 
 def turns_of(voltage_v: _Floats) -> NDArray[np.int64]:
@@ -284,7 +322,7 @@ def concatenated_residual(
 
 def cross_validate(
     records: Sequence[Record], fit_and_predict: Callable[[Sequence[Record]], list[_Floats]],
-) -> _Floats:
+) -> tuple[_Floats, _Floats]:
     """
     Return the mean squared error of each fold as predicted from the others.
 
@@ -300,22 +338,34 @@ def cross_validate(
 
     Returns
     -------
-    ndarray, shape (5,)
+    errors : ndarray, shape (5,)
         Mean squared error of every fold, um^2.
+    residual_um : ndarray, shape (N,)
+        Measured displacement less that predicted from the other folds, all records.
 
     """
     errors = np.empty(FOLDS)
+    whole = np.full(sum(record.voltage_v.size for record in records), np.nan)
     for fold in range(FOLDS):
         inside = [_fold_mask(record, fold) for record in records]
-        training = [
-            replace(record, weight=np.where(mask, 0.0, record.weight))
-            for record, mask in zip(records, inside, strict=True)]
-        test = [
-            replace(record, weight=np.where(mask, record.weight, 0.0))
-            for record, mask in zip(records, inside, strict=True)]
-        errors[fold] = np.nanmean(
-            concatenated_residual(test, fit_and_predict(training)) ** 2)
-    return errors
+        training, test = split(records, inside)
+        residual = concatenated_residual(test, fit_and_predict(training))
+        errors[fold] = np.nanmean(residual ** 2)
+        whole = np.where(np.isfinite(residual), residual, whole)
+    return errors, whole
+
+
+def split(
+    records: Sequence[Record], held_out: Sequence[NDArray[np.bool_]],
+) -> tuple[list[Record], list[Record]]:
+    """Return the records with the weight of what is not held out, and of what is."""
+    training = [
+        replace(record, weight=np.where(mask, 0.0, record.weight))
+        for record, mask in zip(records, held_out, strict=True)]
+    test = [
+        replace(record, weight=np.where(mask, record.weight, 0.0))
+        for record, mask in zip(records, held_out, strict=True)]
+    return training, test
 
 
 def _fold_mask(record: Record, fold: int) -> NDArray[np.bool_]:
