@@ -89,8 +89,9 @@ def asymmetry_step(constants: AsymmetryConstants, displacement_um: float) -> flo
         threshold_um = constants.threshold_um[i]
         if threshold_um < 0.0:
             if displacement_um < threshold_um:
-                return constants.image_um[i] + constants.slope_below[i] * (
+                below_um: float = constants.image_um[i] + constants.slope_below[i] * (
                     displacement_um - threshold_um)
+                return below_um
         elif displacement_um > threshold_um:
             image_um = constants.image_um[i] + constants.slope_above[i] * (
                 displacement_um - threshold_um)
@@ -105,8 +106,9 @@ def symmetric_step(constants: AsymmetryConstants, image_um: float) -> float:
         threshold_um = constants.threshold_um[i]
         if threshold_um < 0.0:
             if image_um < constants.image_um[i]:
-                return threshold_um + (
+                below_um: float = threshold_um + (
                     image_um - constants.image_um[i]) / constants.slope_below[i]
+                return below_um
         elif image_um > constants.image_um[i]:
             displacement_um = threshold_um + (
                 image_um - constants.image_um[i]) / constants.slope_above[i]

@@ -219,7 +219,7 @@ def test_a_range_that_is_covered_is_not_warned_of(triangle, identify):
 
 @pytest.mark.parametrize(('options', 'complaint'), [
     (('--elements', 'many'), "--elements is 'many', allowed is a number or 'auto'"),
-    (('--elements', 0), "elements is 0, allowed is 1 … 50 or 'auto'"),
+    (('--elements', 0), "elements is 0, allowed is 1 … 160 or 'auto'"),
     (('--range-v', 3, -3), 'range_v is (3.0, -3.0)')])
 def test_what_makes_no_sense_is_refused(triangle, identify, options, complaint):
     code, _, err = identify('hysteresis', triangle, *options)

@@ -19,9 +19,9 @@ With y = offset + S(H(u)), H a superposition of plays and z the inverse of S on 
 
     z(y) = y + sum_j b_j hat_j(y) = p_0 u + sum_i p_i P[r_i](u) + offset,   p_i >= 0
 
-is linear in b and p where the thresholds r_i are a fixed grid: one least-squares problem starts the
-search. Then H is fitted to z(y), and S to y over H(u), in turns. Last, H is scaled so that S has the
-slope 1 about zero, as `piezo_ros.model.asymmetry` writes it.
+is linear in b and p where the thresholds r_i are a fixed grid: one least-squares problem starts
+the search. Then H is fitted to z(y), and S to y over H(u), in turns. Last, H is scaled so that S
+has the slope 1 about zero, as `piezo_ros.model.asymmetry` writes it.
 """
 
 from collections.abc import Sequence
@@ -33,15 +33,20 @@ from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
 from piezo_ros.identification.hysteresis.least_squares import NormalEquations
-from piezo_ros.identification.hysteresis.mrc_fit import PlayModel, fit_mrc, number_of_plays
+from piezo_ros.identification.hysteresis.mrc_fit import (
+    MrcFit,
+    PlayModel,
+    fit_mrc,
+    number_of_plays,
+)
 from piezo_ros.identification.hysteresis.records import Record, predict
 
 __all__ = ['AsymmetricFit', 'fit_asymmetric']
 
-_KNOTS: Final = 9
+_KNOTS: Final = 17
 _GRID: Final = 24  # plays of the start
 _START_SAMPLES: Final = 4000
-_ROUNDS: Final = 3
+_ROUNDS: Final = 6
 _FLATTEST: Final = 0.15  # slope of z or S, relative to the mean one: beyond it nothing is known
 
 _Floats = NDArray[np.float64]
@@ -59,6 +64,8 @@ class AsymmetricFit(NamedTuple):
         Those of H, in units of H, at a known S.
     threshold_um, weight : ndarray, shape (m,)
         The map S, see `piezo_ros.model.asymmetry`; empty for none.
+    inverse : tuple of ndarray, shape (k,)
+        Displacements, and the inverse of S there less the offset; empty for none.
 
     """
 
@@ -66,6 +73,13 @@ class AsymmetricFit(NamedTuple):
     normal: NormalEquations
     threshold_um: _Floats
     weight: _Floats
+    inverse: tuple[_Floats, _Floats]
+
+    @classmethod
+    def symmetric(cls, fit: MrcFit) -> 'AsymmetricFit':
+        """Return a fit without a map."""
+        nothing = np.empty(0)
+        return cls(fit.theta, fit.normal, nothing, nothing, (nothing, nothing))
 
     def predict(self, records: Sequence[Record]) -> list[_Floats]:
         """Return the displacement of every record, with delay and offset."""
@@ -77,7 +91,7 @@ class AsymmetricFit(NamedTuple):
 
 
 def fit_asymmetric(
-    records: Sequence[Record], start: _Floats, delay_bounds: tuple[float, float],
+    records: Sequence[Record], start: AsymmetricFit, delay_bounds: tuple[float, float],
     rounds: int = _ROUNDS,
 ) -> AsymmetricFit | None:
     """
@@ -87,8 +101,8 @@ def fit_asymmetric(
     ----------
     records : sequence of Record
         The data.
-    start : ndarray, shape (2n + 3,)
-        The plays of a symmetric fit.
+    start : AsymmetricFit
+        A symmetric fit, or one with a map.
     delay_bounds : tuple of float
         Bounds of the delay, samples.
     rounds : int, optional
@@ -100,11 +114,11 @@ def fit_asymmetric(
         None where the data want no map that rises strictly.
 
     """
-    inverse = _start_of_map(records, start)
+    inverse = start.inverse if start.weight.size else _start_of_map(records, start.theta)
     if inverse is None:
         return None
     knots_um, images_um = inverse
-    theta = start
+    theta = start.theta
     for _ in range(rounds):
         linear = [replace(record, displacement_um=_interpolated(
             record.displacement_um, knots_um, images_um)) for record in records]
@@ -168,7 +182,8 @@ def _map_over(
         np.add.at(right, segment + one, w * w * of_one * y)
         for two, of_two in ((0, 1.0 - share), (1, share)):
             np.add.at(normal, (segment + one, segment + two), w * w * of_one * of_two)
-    values = np.linalg.lstsq(normal, right, rcond=1e-12)[0]
+    values: _Floats = np.asarray(
+        np.linalg.lstsq(normal, right, rcond=1e-12)[0], dtype=np.float64)
     return (ends, values) if _rises(ends, values) else None
 
 
@@ -207,7 +222,7 @@ def _normalised(
         NormalEquations(
             normal.cost * scale**2, normal.gradient * scale * ratio,
             normal.curvature * np.outer(ratio, ratio), normal.samples),
-        inner, np.where(inner < 0.0, -change, change))
+        inner, np.where(inner < 0.0, -change, change), (values, ends * scale))
 
 
 def _mapped(threshold_um: _Floats, weight: _Floats, displacement_um: _Floats) -> _Floats:

@@ -41,14 +41,15 @@ array([0.05, 0.2 ])
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Final, Literal, NamedTuple
+from dataclasses import replace
+from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from piezo_ros.identification.hysteresis.asymmetry_fit import AsymmetricFit, fit_asymmetric
 from piezo_ros.identification.hysteresis.element_choice import choose_elements
+from piezo_ros.identification.hysteresis.hysteresis_result import Coverage, HysteresisFit
 from piezo_ros.identification.hysteresis.levels import level_errors, weighted_by_amplitude
 from piezo_ros.identification.hysteresis.mrc_fit import (
     PlayModel,
@@ -58,7 +59,6 @@ from piezo_ros.identification.hysteresis.mrc_fit import (
     play_bounds,
 )
 from piezo_ros.identification.hysteresis.mrc_start import Preparation, prepare
-from piezo_ros.identification.hysteresis.parameter_file import identified_facts, parameter_yaml
 from piezo_ros.identification.hysteresis.records import (
     Record,
     accumulate,
@@ -73,152 +73,20 @@ from piezo_ros.identification.hysteresis.validation import (
     validate,
     verdict_of,
 )
-from piezo_ros.identification.verdict import Verdict
 from piezo_ros.model.hysteresis import HysteresisParameters
-from piezo_ros.model.hysteresis_and_inverse import MaxwellResistiveCapacitor
 
 __all__ = ['Coverage', 'HysteresisFit', 'fit_hysteresis', 'fit_hysteresis_records']
 
 _MOST_ELEMENTS: Final = 160
 _RICH_ELEMENTS: Final = 24  # whether more elements would help is tried with so many
 _FOLD_STEPS: Final = 20  # a fold starts from the fit to all data
+_FOLD_ROUNDS: Final = 2
 # A map behind the elements is looked for where they leave more than that of a loop, and taken where
 # it leaves at most this share of it.
 _ASYMMETRY_PERCENT: Final = 0.1
 _ASYMMETRY_GAIN: Final = 0.7
 
 _Floats = NDArray[np.float64]
-
-
-class Coverage(NamedTuple):
-    """
-    The range of voltage that the excitation covers, and the one in which the model will be used.
-
-    Attributes
-    ----------
-    minimum_v, maximum_v : float
-        Excited voltages.
-    minimum_um, maximum_um : float
-        Measured displacements.
-    wanted_v : tuple of float
-        Lowest and highest voltage of use; the excited ones where none were given.
-
-    """
-
-    minimum_v: float
-    maximum_v: float
-    minimum_um: float
-    maximum_um: float
-    wanted_v: tuple[float, float]
-
-    @property
-    def warning(self) -> str:
-        """The part that is not covered, in one sentence; empty if there is none."""
-        low, high = self.wanted_v
-        if self.minimum_v <= low and high <= self.maximum_v:
-            return ''
-        return (
-            f'the excitation covers {self.minimum_v:g} … {self.maximum_v:g} V of the '
-            f'{low:g} … {high:g} V asked for; beyond it the model is a straight line without '
-            'hysteresis')
-
-
-@dataclass(frozen=True, kw_only=True)
-class HysteresisFit:
-    """
-    An identified MRC hysteresis.
-
-    Attributes
-    ----------
-    parameters : HysteresisParameters
-        The elements in the order in which they saturate; always monotone and invertible.
-    kappa_standard_error_um_per_v : ndarray, shape (n + 1,)
-        Standard errors of the compliances; NaN for an element that the data do not need.
-    saturation_standard_error_v : ndarray, shape (n,)
-        Standard errors of the saturation voltages, likewise.
-    delay_samples : float
-        Samples by which the displacement lags behind the voltage; not part of the parameters.
-    offset_um : float
-        Displacement at rest; not part of the parameters.
-    voltage_v, displacement_um : ndarray, shape (N,)
-        The data, all runs concatenated.
-    residual_um : ndarray, shape (N,)
-        Measured minus predicted displacement; NaN where a sample was left out.
-    rms_um : float
-        Root mean square of the residual.
-    coverage : Coverage
-        The range of the excitation; its `warning` names the part that is missing.
-    cross_validated_rms_um : dict of int to float
-        Number of elements to cross-validated rms error, where the number was chosen.
-    validation : Validation
-        What the model leaves of loops that it has not seen.
-    verdict : Verdict
-        How far it may be trusted.
-    samples_used, samples_lost : int
-        Samples of the recording in the fit, and without a finite displacement.
-
-    """
-
-    parameters: HysteresisParameters
-    kappa_standard_error_um_per_v: _Floats
-    saturation_standard_error_v: _Floats
-    delay_samples: float
-    offset_um: float
-    voltage_v: _Floats
-    displacement_um: _Floats
-    residual_um: _Floats
-    rms_um: float
-    coverage: Coverage
-    cross_validated_rms_um: dict[int, float]
-    validation: Validation
-    verdict: Verdict
-    samples_used: int
-    samples_lost: int
-
-    @property
-    def elements(self) -> int:
-        """Number n of voltage-limited elements."""
-        return len(self.parameters.saturation_v)
-
-    @property
-    def model(self) -> MaxwellResistiveCapacitor:
-        """The operator, forward and inverse."""
-        return MaxwellResistiveCapacitor.of(self.parameters)
-
-    def to_parameter_yaml(self, *, source: str) -> str:
-        """
-        Return a ROS parameter file for the compensator node.
-
-        Parameters
-        ----------
-        source : str
-            Where the data come from, usually the bag.
-
-        Returns
-        -------
-        str
-            YAML; the numbers are bit-equal to `parameters`.
-
-        """
-        notes = [
-            f'source: {source}',
-            f'verdict: {self.verdict}',
-            f'residual: {1e3 * self.rms_um:.4g} nm rms, {self.samples_used} samples, '
-            f'{self.samples_lost} lost',
-            f'excitation: {self.coverage.minimum_v:.4g} to {self.coverage.maximum_v:.4g} V',
-            f'removed delay: {self.delay_samples:.4g} samples',
-            f'removed offset: {1e3 * self.offset_um:.4g} nm',
-        ]
-        if self.coverage.warning:
-            notes.append(f'WARNING: {self.coverage.warning}')
-        return parameter_yaml(
-            self.parameters, self.kappa_standard_error_um_per_v,
-            self.saturation_standard_error_v, notes,
-            identified_facts(
-                self.validation, self.verdict, rms_um=self.rms_um, samples_used=self.samples_used,
-                samples_lost=self.samples_lost, delay_samples=self.delay_samples,
-                offset_um=self.offset_um,
-                range_v=(self.coverage.minimum_v, self.coverage.maximum_v)))
 
 
 def fit_hysteresis(
@@ -258,11 +126,6 @@ def fit_hysteresis(
         If the data are not sufficient for an identification, or an argument is out of range.
 
     """
-    if elements != 'auto' and not (
-            isinstance(elements, int) and 1 <= elements <= _MOST_ELEMENTS):
-        raise ValueError(f"elements is {elements!r}, allowed is 1 … {_MOST_ELEMENTS} or 'auto'")
-    if range_v is not None and not range_v[0] < range_v[1]:
-        raise ValueError(f'range_v is {range_v}, the first value must be below the second')
     records = make_records(voltage_v, displacement_um, virgin=virgin)
     return fit_hysteresis_records(records, elements=elements, range_v=range_v)
 
@@ -282,19 +145,23 @@ def fit_hysteresis_records(
         As for `fit_hysteresis`.
 
     """
+    if elements != 'auto' and not (
+            isinstance(elements, int) and 1 <= elements <= _MOST_ELEMENTS):
+        raise ValueError(f"elements is {elements!r}, allowed is 1 … {_MOST_ELEMENTS} or 'auto'")
+    if range_v is not None and not range_v[0] < range_v[1]:
+        raise ValueError(f'range_v is {range_v}, the first value must be below the second')
     refuse_single_branches(records)
     few = [reduced(record) for record in records]
     weighted = weighted_by_amplitude(few)
     errors: dict[int, float] = {}
     if elements == 'auto':
         elements, errors = choose_elements(weighted)
-    preparation = prepare(weighted, [elements], virgin=records[0].virgin)
-    symmetric = _symmetric(preparation, preparation.starts[elements])
+    preparation, symmetric = _best_symmetric(few, weighted, elements)
     validation = _validation(few, preparation, symmetric)
     chosen = symmetric
     if validation.worst_percent > _ASYMMETRY_PERCENT:
         asymmetric = fit_asymmetric(
-            preparation.records, symmetric.theta, preparation.delay_bounds)
+            preparation.records, symmetric, preparation.delay_bounds)
         if asymmetric is not None:
             of_map = _validation(few, preparation, asymmetric)
             if of_map.worst_percent < _ASYMMETRY_GAIN * validation.worst_percent and (
@@ -306,6 +173,24 @@ def fit_hysteresis_records(
     return _result(records, few, preparation, chosen, range_v, errors, validation, richer)
 
 
+def _best_symmetric(
+    few: Sequence[Record], weighted: Sequence[Record], elements: int,
+) -> tuple[Preparation, AsymmetricFit]:
+    """
+    Return the best MRC fit with more weight on small loops, and the records that it is for.
+
+    The sum of squares has several minima: the search starts where the large loops have their
+    plays, and where the small ones have them.
+    """
+    virgin = few[0].virgin
+    plain = prepare(few, [elements], virgin=virgin)
+    of_small = prepare(weighted, [elements], virgin=virgin)
+    preparation = of_small._replace(delay_bounds=plain.delay_bounds)
+    return preparation, min(
+        (_symmetric(preparation, start.starts[elements]) for start in (plain, of_small)),
+        key=lambda fit: fit.normal.cost)
+
+
 def _symmetric(
     preparation: Preparation, start: _Floats, steps: int = 200,
     records: Sequence[Record] | None = None,
@@ -313,7 +198,7 @@ def _symmetric(
     """Return the MRC fit, as one without a map."""
     fit = fit_mrc(
         preparation.records if records is None else records, start, preparation.delay_bounds, steps)
-    return AsymmetricFit(fit.theta, fit.normal, np.empty(0), np.empty(0))
+    return AsymmetricFit.symmetric(fit)
 
 
 def _validation(
@@ -328,9 +213,10 @@ def _validation(
         weighted = [
             replace(record, weight=record.weight * level[id(record.voltage_v)])
             for record in training]
-        found: AsymmetricFit | None = None
+        found: AsymmetricFit | None
         if fit.weight.size:
-            found = fit_asymmetric(weighted, fit.theta, preparation.delay_bounds)
+            found = fit_asymmetric(
+                weighted, fit, preparation.delay_bounds, _FOLD_ROUNDS)
         else:
             found = _symmetric(preparation, fit.theta, _FOLD_STEPS, weighted)
         return (found or fit).predict(training)
@@ -351,7 +237,7 @@ def _rich_error(
     preparation = prepare(weighted, [_RICH_ELEMENTS], virgin=few[0].virgin)
     fit = _symmetric(preparation, preparation.starts[_RICH_ELEMENTS], _FOLD_STEPS)
     if asymmetric:
-        fit = fit_asymmetric(preparation.records, fit.theta, preparation.delay_bounds) or fit
+        fit = fit_asymmetric(preparation.records, fit, preparation.delay_bounds) or fit
     records = _settled(few, preparation)
     levels = level_errors(
         records, concatenated_residual(records, fit.predict(records)), validation.noise_rms_um)
@@ -400,7 +286,7 @@ def _result(
         validation=validation,
         verdict=verdict_of(validation, kappa.size - 1, richer, coverage.warning),
         samples_used=round(float(weight[known].sum())),
-        samples_lost=int((~measured).sum()))
+        samples_lost=sum(record.lost for record in records))
 
 
 def _standard_errors(

@@ -50,7 +50,7 @@ _Floats = NDArray[np.float64]
 def _move(play_v: Any, by_threshold: Any, moving: Any, theta: Any, voltage: float) -> float:
     """Move the plays to a voltage; return the displacement without offset."""
     plays = len(play_v)
-    displacement = theta[0] * voltage
+    displacement: float = theta[0] * voltage
     for i in range(plays):
         threshold = theta[plays + 1 + i]
         moving[i] = 0.0

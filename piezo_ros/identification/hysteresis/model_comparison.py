@@ -27,9 +27,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from piezo_ros.identification.hysteresis.bouc_wen import BoucWenModel, fit_bouc_wen
-from piezo_ros.identification.hysteresis.mrc_fit import PlayModel, fit_mrc
+from piezo_ros.identification.hysteresis.mrc_fit import (
+    PlayModel,
+    fit_mrc,
+    fit_prandtl_ishlinskii,
+)
 from piezo_ros.identification.hysteresis.mrc_start import prepare
-from piezo_ros.identification.hysteresis.prandtl_ishlinskii import fit_prandtl_ishlinskii
 from piezo_ros.identification.hysteresis.records import (
     Record,
     concatenated_residual,
@@ -38,7 +41,7 @@ from piezo_ros.identification.hysteresis.records import (
     predict,
 )
 
-__all__ = ['ModelScore', 'compare_hysteresis_models']
+__all__ = ['ModelScore', 'compare_hysteresis_models', 'compare_records']
 
 _POLYNOMIAL_DEGREE: Final = 5
 
@@ -106,8 +109,23 @@ def compare_hysteresis_models(
         If the data are not sufficient for an identification.
 
     """
-    preparation = prepare(
-        make_records(voltage_v, displacement_um, virgin=virgin), [elements], virgin=virgin)
+    return compare_records(
+        make_records(voltage_v, displacement_um, virgin=virgin), elements=elements)
+
+
+def compare_records(records: Sequence[Record], *, elements: int = 10) -> list[ModelScore]:
+    """
+    Fit several hysteresis models to records that are checked already.
+
+    Parameters
+    ----------
+    records : sequence of Record
+        The data, maybe reduced.
+    elements : int, optional
+        As for `compare_hysteresis_models`.
+
+    """
+    preparation = prepare(records, [elements], virgin=records[0].virgin)
     records = preparation.records
     whole = fit_mrc(records, preparation.starts[elements], preparation.delay_bounds)
     delay = float(whole.theta[-2])

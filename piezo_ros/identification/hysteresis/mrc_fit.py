@@ -56,6 +56,7 @@ __all__ = [
     'elements_of_plays',
     'fit_mrc',
     'fit_plays',
+    'fit_prandtl_ishlinskii',
     'number_of_plays',
     'play_bounds',
 ]
@@ -164,6 +165,41 @@ def fit_plays(
     return minimise(
         partial(accumulate, PlayModel(number_of_plays(start)), records), start,
         *play_bounds(start, reach_v, delay_bounds), maximum_steps)
+
+
+def fit_prandtl_ishlinskii(
+    records: Sequence[Record], plays: int, delay_samples: float,
+) -> NDArray[np.float64]:
+    """
+    Fit the Prandtl-Ishlinskii model as it is commonly used: the weights of equally spaced plays.
+
+        x = p_0 u + sum_i p_i P[r_i](u),   r_i = i max|u| / (n + 1),   p_i >= 0
+
+    Parameters
+    ----------
+    records : sequence of Record
+        The data.
+    plays : int
+        Number n of plays beside the linear term.
+    delay_samples : float
+        Delay of the displacement.
+
+    Returns
+    -------
+    ndarray, shape (2n + 3,)
+        Parameters of a `PlayModel`.
+
+    """
+    reach_v = max(record.reach_v for record in records)
+    reach_um = max(
+        float(np.max(np.abs(record.displacement_um * record.weight))) for record in records)
+    thresholds = np.arange(1, plays + 1) * (reach_v / (plays + 1))
+    start = np.concatenate((
+        np.full(plays + 1, reach_um / reach_v / (plays + 1)), thresholds, [delay_samples, 0.0]))
+    lower, upper = play_bounds(start, reach_v, (delay_samples, delay_samples))
+    lower[plays + 1:-2] = upper[plays + 1:-2] = thresholds
+    theta, _ = minimise(partial(accumulate, PlayModel(plays), records), start, lower, upper)
+    return theta
 
 
 def play_bounds(

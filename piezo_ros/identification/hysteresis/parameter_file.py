@@ -85,6 +85,7 @@ def parameter_yaml(
 def identified_facts(
     validation: Validation, verdict: Verdict, *, rms_um: float, samples_used: int,
     samples_lost: int, delay_samples: float, offset_um: float, range_v: tuple[float, float],
+    sample_period_s: float | None = None,
 ) -> dict[str, object]:
     """Return what later steps read of an identification, names with units to values."""
     return {
@@ -100,6 +101,7 @@ def identified_facts(
         'amplitude_residual_percent': [level.percent for level in validation.levels],
         'findings': '; '.join(validation.findings),
         'delay_samples': delay_samples,
+        **({} if sample_period_s is None else {'delay_s': delay_samples * sample_period_s}),
         'offset_um': offset_um,
         'minimum_v': range_v[0],
         'maximum_v': range_v[1],

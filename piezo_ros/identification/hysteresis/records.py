@@ -19,7 +19,7 @@ Cross-validation: each run is cut into 55 blocks, block b belongs to fold b mod 
 fold is its mean squared error under the model that is fitted to the other folds.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Final, Protocol
 
@@ -36,6 +36,7 @@ __all__ = [
     'cross_validate',
     'make_records',
     'predict',
+    'record_of_blocks',
     'reduced',
     'refuse_single_branches',
     'reversals_of',
@@ -78,6 +79,8 @@ class Record:
         When it was taken, rising, in samples of the recording; not an integer for a mean.
     virgin : bool
         Whether the stage was virgin at the first sample; if not, the largest voltage begins it.
+    lost : int
+        Samples of the recording without a finite displacement.
 
     """
 
@@ -87,6 +90,7 @@ class Record:
     measured: NDArray[np.bool_]
     index: _Floats
     virgin: bool = True
+    lost: int = 0
 
     @property
     def reach_v(self) -> float:
@@ -181,6 +185,16 @@ def _record(index: int, voltage: _Floats, displacement: _Floats, virgin: bool) -
         first = int(np.argmin(finite))
         raise ValueError(f'run {index}: voltage_v[{first}] is {voltage[first]}, it must be finite')
     measured = np.isfinite(displacement)
+    _refuse_too_little(index, voltage, measured)
+    record = Record(
+        voltage, np.where(measured, displacement, 0.0), measured.astype(np.float64), measured,
+        np.arange(voltage.size, dtype=np.float64), virgin, int((~measured).sum()))
+    return record if virgin else _from_largest_voltage(record)
+
+
+def _refuse_too_little(
+    index: int, voltage: _Floats, measured: NDArray[np.bool_],
+) -> None:
     if measured.sum() < _FEWEST_SAMPLES:
         raise ValueError(
             f'run {index}: displacement_um has {int(measured.sum())} finite samples, at least '
@@ -188,12 +202,66 @@ def _record(index: int, voltage: _Floats, displacement: _Floats, virgin: bool) -
     if np.ptp(voltage) == 0.0:
         raise ValueError(
             f'run {index}: voltage_v is constant at {voltage[0]} V, it must move through its range')
-    weight = measured.astype(np.float64)
-    if not virgin:
-        weight[:np.argmax(np.abs(voltage))] = 0.0
-    return Record(
-        voltage, np.where(measured, displacement, 0.0), weight, measured,
-        np.arange(voltage.size, dtype=np.float64), virgin)
+
+
+def _from_largest_voltage(record: Record) -> Record:
+    """Return the record of a used stage without weight before the largest voltage."""
+    weight = record.weight.copy()
+    weight[:np.argmax(np.abs(record.voltage_v))] = 0.0
+    return replace(record, weight=weight)
+
+
+def record_of_blocks(
+    blocks: Iterable[tuple[_Floats, _Floats]], samples: int, *, virgin: bool = True,
+    every: int = 1,
+) -> Record:
+    """
+    Return one run as a reduced record, from blocks that need not be in memory together.
+
+    Parameters
+    ----------
+    blocks : iterable of (ndarray, ndarray)
+        Voltage and displacement of consecutive samples, each of shape (B,).
+    samples : int
+        Samples of all blocks.
+    virgin : bool, optional
+        As for `make_records`.
+    every : int, optional
+        Samples in a bin at least, of which the mean is taken; turns keep all samples.
+
+    Raises
+    ------
+    ValueError
+        As `make_records`, and if ``every`` leaves too few samples.
+
+    """
+    if not 1 <= every <= max(samples // _FEWEST_SAMPLES, 1):
+        raise ValueError(
+            f'every is {every}, allowed is 1 … {max(samples // _FEWEST_SAMPLES, 1)} for {samples} '
+            'samples')
+    length = max(every, -(-samples // _MOST_SAMPLES))
+    parts, start = [], 0
+    for voltage, displacement in blocks:
+        finite = np.isfinite(voltage)
+        if not finite.all():
+            first = int(np.argmin(finite))
+            raise ValueError(
+                f'voltage_v[{start + first}] is {voltage[first]}, it must be finite')
+        measured = np.isfinite(displacement)
+        parts.append(_in_bins(Record(
+            voltage, np.where(measured, displacement, 0.0), measured.astype(np.float64), measured,
+            start + np.arange(voltage.size, dtype=np.float64), virgin, int((~measured).sum())),
+            length))
+        start += voltage.size
+    record = Record(
+        np.concatenate([part.voltage_v for part in parts]),
+        np.concatenate([part.displacement_um for part in parts]),
+        np.concatenate([part.weight for part in parts]),
+        np.concatenate([part.measured for part in parts]),
+        np.concatenate([part.index for part in parts]),
+        virgin, sum(part.lost for part in parts))
+    _refuse_too_little(0, record.voltage_v, record.measured)
+    return record if virgin else _from_largest_voltage(record)
 
 
 def reduced(record: Record, samples: int = _MOST_SAMPLES) -> Record:
@@ -211,8 +279,12 @@ def reduced(record: Record, samples: int = _MOST_SAMPLES) -> Record:
         Bins at most.
 
     """
+    return _in_bins(record, -(-record.voltage_v.size // samples))
+
+
+def _in_bins(record: Record, length: int) -> Record:
+    """Return the means over bins of so many samples, and every sample about a turn."""
     size = record.voltage_v.size
-    length = -(-size // samples)
     if length == 1:
         return record
     bins = -(-size // length)
@@ -239,7 +311,7 @@ def reduced(record: Record, samples: int = _MOST_SAMPLES) -> Record:
     return Record(
         mean(record.voltage_v), mean(record.displacement_um), weight,
         np.logical_or.reduceat(record.measured, starts), mean(record.index),
-        record.virgin)
+        record.virgin, record.lost)
 
 
 def turns_of(voltage_v: _Floats) -> NDArray[np.int64]:

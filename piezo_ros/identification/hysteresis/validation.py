@@ -15,9 +15,9 @@
 """
 Validation of an identified hysteresis on loops that its fit has not seen, and the verdict.
 
-The record is cut into loops, two branches each; every third one is held out in turn, so that each is
-predicted by a fit without it. Only the largest loop is always in the fit: no model knows what lies
-beyond it. A record of few loops is cut into blocks instead.
+The record is cut into loops, two branches each; every third one is held out in turn, so that each
+is predicted by a fit without it. Only the largest loop is always in the fit: no model knows what
+lies beyond it. A record of few loops is cut into blocks instead.
 """
 
 from collections.abc import Callable, Sequence
@@ -210,12 +210,12 @@ def _rate(record: Record, residual_um: _Floats) -> str:
             continue
         change, error = _trend(np.log(speed[alike]), width[alike])
         percent = 100.0 * 2.0 * abs(change) / (span_um * amplitude / 10.0)
+        ratio = speed[alike].max() / speed[alike].min()
         if percent >= _NAMED_PERCENT and abs(change) >= _SIGNIFICANT * error:
             sign = 'lags' if change < 0.0 else 'leads'
             return (
                 f'rate dependence: at {amplitude * 0.1 * largest:.3g} V the displacement {sign} by '
-                f'{percent:.2g} % of the loop more at {speed[alike].max() / speed[alike].min():.2g} '
-                'times the speed')
+                f'{percent:.2g} % of the loop more at {ratio:.2g} times the speed')
     return ''
 
 
