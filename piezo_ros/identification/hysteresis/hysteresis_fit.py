@@ -42,7 +42,7 @@ array([0.05, 0.2 ])
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Final, Literal
+from typing import Final, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -53,6 +53,7 @@ from piezo_ros.identification.hysteresis.hysteresis_result import Coverage, Hyst
 from piezo_ros.identification.hysteresis.levels import level_errors, weighted_by_amplitude
 from piezo_ros.identification.hysteresis.mrc_fit import (
     PlayModel,
+    drift_rate,
     elements_of_plays,
     fit_mrc,
     number_of_plays,
@@ -81,10 +82,12 @@ _MOST_ELEMENTS: Final = 160
 _RICH_ELEMENTS: Final = 24  # whether more elements would help is tried with so many
 _FOLD_STEPS: Final = 20  # a fold starts from the fit to all data
 _FOLD_ROUNDS: Final = 2
-# A map behind the elements is looked for where they leave more than that of a loop, and taken where
-# it leaves at most this share of it.
-_ASYMMETRY_PERCENT: Final = 0.1
-_ASYMMETRY_GAIN: Final = 0.7
+# An asymmetry or a drift is looked for where the elements leave more than that of a loop, and taken
+# where it leaves at most this share of it.
+_FURTHER_PERCENT: Final = 0.1
+_FURTHER_GAIN: Final = 0.7
+_DRIFT_STEPS: Final = 3
+_SIGNIFICANT: Final = 5.0  # standard errors
 
 _Floats = NDArray[np.float64]
 
@@ -156,21 +159,65 @@ def fit_hysteresis_records(
     errors: dict[int, float] = {}
     if elements == 'auto':
         elements, errors = choose_elements(weighted)
-    preparation, symmetric = _best_symmetric(few, weighted, elements)
-    validation = _validation(few, preparation, symmetric)
-    chosen = symmetric
-    if validation.worst_percent > _ASYMMETRY_PERCENT:
-        asymmetric = fit_asymmetric(
-            preparation.records, symmetric, preparation.delay_bounds)
-        if asymmetric is not None:
-            of_map = _validation(few, preparation, asymmetric)
-            if of_map.worst_percent < _ASYMMETRY_GAIN * validation.worst_percent and (
-                    of_map.fit_percent > validation.fit_percent):
-                chosen, validation = asymmetric, of_map
+    best = _candidate(few, weighted, elements)
+    if best.validation.worst_percent > _FURTHER_PERCENT:
+        best = _better_candidate(best, weighted)
     richer = None
-    if validation.worst_percent > GOOD_PERCENT and elements < _RICH_ELEMENTS:
-        richer = _RICH_ELEMENTS, _rich_error(few, weighted, validation, bool(chosen.weight.size))
-    return _result(records, few, preparation, chosen, range_v, errors, validation, richer)
+    if best.validation.worst_percent > GOOD_PERCENT and elements < _RICH_ELEMENTS:
+        richer = _RICH_ELEMENTS, _rich_error(best)
+    return _result(records, best, range_v, errors, richer)
+
+
+class _Candidate(NamedTuple):
+    """A fit, the records that it is for (less a drift, um per sample) and its validation."""
+
+    few: list[Record]
+    preparation: Preparation
+    fit: AsymmetricFit
+    validation: Validation
+    drift_um: float = 0.0
+
+
+def _candidate(
+    few: list[Record], weighted: list[Record], elements: int, drift_um: float = 0.0,
+) -> _Candidate:
+    """Return the symmetric fit of records with a drift that is known."""
+    few, weighted = _without_drift(few, drift_um), _without_drift(weighted, drift_um)
+    preparation, fit = _best_symmetric(few, weighted, elements)
+    return _Candidate(few, preparation, fit, _validation(few, preparation, fit), drift_um)
+
+
+def _better_candidate(plain: _Candidate, weighted: list[Record]) -> _Candidate:
+    """Return the fit with an asymmetry or without a drift, where the data ask for it."""
+    best = plain
+    asymmetric = fit_asymmetric(
+        plain.preparation.records, plain.fit, plain.preparation.delay_bounds)
+    if asymmetric is not None:
+        validation = _validation(plain.few, plain.preparation, asymmetric)
+        best = _better(best, plain._replace(fit=asymmetric, validation=validation))
+    elements = number_of_plays(plain.fit.theta)
+    steady, drift_um = plain, 0.0
+    for _ in range(_DRIFT_STEPS):
+        change_um, error_um = drift_rate(steady.preparation.records, steady.fit.theta)
+        if abs(change_um) < _SIGNIFICANT * error_um:
+            break
+        drift_um += change_um
+        steady = _candidate(
+            _without_drift(steady.few, -steady.drift_um), weighted, elements, drift_um)
+    return _better(best, steady) if drift_um else best
+
+
+def _better(simple: _Candidate, other: _Candidate) -> _Candidate:
+    one, two = simple.validation, other.validation
+    is_better = two.worst_percent < _FURTHER_GAIN * one.worst_percent and (
+        two.fit_percent > one.fit_percent)
+    return other if is_better else simple
+
+
+def _without_drift(records: Sequence[Record], drift_um: float) -> list[Record]:
+    return [
+        replace(record, displacement_um=record.displacement_um - drift_um * record.index)
+        for record in records] if drift_um else list(records)
 
 
 def _best_symmetric(
@@ -230,31 +277,33 @@ def _settled(few: Sequence[Record], preparation: Preparation) -> list[Record]:
         for record, settled in zip(few, preparation.records, strict=True)]
 
 
-def _rich_error(
-    few: Sequence[Record], weighted: Sequence[Record], validation: Validation, asymmetric: bool,
-) -> float:
+def _rich_error(best: _Candidate) -> float:
     """Return what is left of a loop with more elements, percent."""
-    preparation = prepare(weighted, [_RICH_ELEMENTS], virgin=few[0].virgin)
+    few = best.few
+    preparation = prepare(
+        weighted_by_amplitude(few), [_RICH_ELEMENTS], virgin=few[0].virgin)
     fit = _symmetric(preparation, preparation.starts[_RICH_ELEMENTS], _FOLD_STEPS)
-    if asymmetric:
+    if best.fit.weight.size:
         fit = fit_asymmetric(preparation.records, fit, preparation.delay_bounds) or fit
     records = _settled(few, preparation)
     levels = level_errors(
-        records, concatenated_residual(records, fit.predict(records)), validation.noise_rms_um)
-    return replace(validation, levels=tuple(levels)).worst_percent
+        records, concatenated_residual(records, fit.predict(records)),
+        best.validation.noise_rms_um)
+    return replace(best.validation, levels=tuple(levels)).worst_percent
 
 
 def _result(
-    records: Sequence[Record], few: Sequence[Record], preparation: Preparation,
-    fit: AsymmetricFit, range_v: tuple[float, float] | None, errors: dict[int, float],
-    validation: Validation, richer: tuple[int, float] | None,
+    records: Sequence[Record], best: _Candidate, range_v: tuple[float, float] | None,
+    errors: dict[int, float], richer: tuple[int, float] | None,
 ) -> HysteresisFit:
+    few, preparation, fit, validation, drift_um = best
     settled = _settled(few, preparation)
     residual_of_few = concatenated_residual(settled, fit.predict(settled))
-    if all(record is other for record, other in zip(records, few, strict=True)):
-        residual = residual_of_few
-    else:
-        residual = concatenated_residual(records, fit.predict(records))
+    whole = _without_drift(records, drift_um)
+    if all(record.voltage_v is other.voltage_v for record, other in zip(
+            records, few, strict=True)):
+        whole = settled
+    residual = concatenated_residual(whole, fit.predict(whole))
     weight = np.concatenate([record.weight for record in settled])
     known = np.isfinite(residual_of_few)
     cost = float(np.sum(weight[known] * residual_of_few[known] ** 2))
@@ -283,6 +332,7 @@ def _result(
         rms_um=math.sqrt(cost / max(int(known.sum()), 1)),
         coverage=coverage,
         cross_validated_rms_um=errors,
+        drift_um_per_sample=drift_um,
         validation=validation,
         verdict=verdict_of(validation, kappa.size - 1, richer, coverage.warning),
         samples_used=round(float(weight[known].sum())),

@@ -91,6 +91,8 @@ class HysteresisFit:
         The range of the excitation; its `warning` names the part that is missing.
     cross_validated_rms_um : dict of int to float
         Number of elements to cross-validated rms error, where the number was chosen.
+    drift_um_per_sample : float
+        Drift that was taken from the displacement before the fit; 0 where the data show none.
     validation : Validation
         What the model leaves of loops that it has not seen.
     verdict : Verdict
@@ -111,6 +113,7 @@ class HysteresisFit:
     rms_um: float
     coverage: Coverage
     cross_validated_rms_um: dict[int, float]
+    drift_um_per_sample: float
     validation: Validation
     verdict: Verdict
     samples_used: int
@@ -160,5 +163,6 @@ class HysteresisFit:
             identified_facts(
                 self.validation, self.verdict, rms_um=self.rms_um, samples_used=self.samples_used,
                 samples_lost=self.samples_lost, delay_samples=self.delay_samples,
-                offset_um=self.offset_um, sample_period_s=sample_period_s,
+                offset_um=self.offset_um,
+                drift_um_per_sample=self.drift_um_per_sample, sample_period_s=sample_period_s,
                 range_v=(self.coverage.minimum_v, self.coverage.maximum_v)))

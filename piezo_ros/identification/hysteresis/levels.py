@@ -48,6 +48,7 @@ _FEWEST_IN_BIN: Final = 3
 # Smaller loops count as much as loops of this share of the largest amplitude.
 SMALLEST_SHARE: Final = 0.1
 _NOISE_MARGIN: Final = 3.0
+_PARAMETERS_OF_LOOP: Final = 4
 
 _Floats = NDArray[np.float64]
 
@@ -89,6 +90,8 @@ class LevelError:
         Of the largest amplitude.
     percent : float
         Error beyond the noise, percent of the span of the displacement.
+    uncertainty_percent : float
+        What the noise may hide beside it, two standard errors of some parameters of the loop.
     span_um : float
         That span.
 
@@ -97,6 +100,7 @@ class LevelError:
     amplitude_v: float
     share: float
     percent: float
+    uncertainty_percent: float
     span_um: float
 
 
@@ -171,7 +175,10 @@ def level_errors(
         error_um = _error_um(
             voltage[inside], residual_um[inside], weight[inside], rising[inside], noise_rms_um)
         mean_v = float(np.average(amplitude[inside], weights=weight[inside]))
-        found.append(LevelError(mean_v, mean_v / largest_v, 100.0 * error_um / span_um, span_um))
+        hidden_um = 2.0 * noise_rms_um * np.sqrt(_PARAMETERS_OF_LOOP / np.sum(weight[inside]))
+        found.append(LevelError(
+            mean_v, mean_v / largest_v, 100.0 * error_um / span_um,
+            100.0 * float(hidden_um) / span_um, span_um))
     return found
 
 

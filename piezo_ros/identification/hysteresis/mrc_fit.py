@@ -41,6 +41,7 @@ array([0.666667])
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any, Final, NamedTuple
 
@@ -48,11 +49,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from piezo_ros.identification.hysteresis.least_squares import NormalEquations, minimise
-from piezo_ros.identification.hysteresis.records import Record, accumulate
+from piezo_ros.identification.hysteresis.records import Record, accumulate, predict
 
 __all__ = [
     'MrcFit',
     'PlayModel',
+    'drift_rate',
     'elements_of_plays',
     'fit_mrc',
     'fit_plays',
@@ -165,6 +167,49 @@ def fit_plays(
     return minimise(
         partial(accumulate, PlayModel(number_of_plays(start)), records), start,
         *play_bounds(start, reach_v, delay_bounds), maximum_steps)
+
+
+def drift_rate(records: Sequence[Record], theta: _Floats) -> tuple[float, float]:
+    """
+    Return how fast the displacement drifts beside the plays, and the standard error.
+
+    One step of least squares with all parameters of the plays adapted: with t the time, e the
+    residual, A = J'WJ and g = J'Wt it is t'We / (t'Wt - g'A^(-1)g).
+
+    Parameters
+    ----------
+    records : sequence of Record
+        The data.
+    theta : ndarray, shape (2n + 3,)
+        The best plays without drift.
+
+    Returns
+    -------
+    rate_um, standard_error_um : float
+        Micrometres per sample of the recording.
+
+    """
+    model = PlayModel(number_of_plays(theta))
+    normal = accumulate(model, records, theta)
+    late = accumulate(model, [
+        replace(record, displacement_um=record.displacement_um + record.index)
+        for record in records], theta)
+    with_time = late.gradient - normal.gradient
+    squares, product, weights, size = 0.0, 0.0, 0.0, 0.0
+    for record, predicted in zip(records, predict(model, records, theta), strict=True):
+        weight, time = record.weight, record.index
+        squares += float(np.sum(weight * time**2))
+        product += float(np.sum(weight * time * (record.displacement_um - predicted)))
+        weights += float(np.sum(weight**2))
+        size += float(np.sum(weight))
+    length = np.sqrt(np.maximum(np.diag(normal.curvature), 1e-300))
+    scaled = with_time / length
+    inner = np.linalg.pinv(normal.curvature / np.outer(length, length), 1e-10, hermitian=True)
+    free = squares - float(scaled @ inner @ scaled)
+    if free <= 1e-9 * squares:
+        return 0.0, np.inf
+    variance = normal.cost / size * weights / size
+    return product / free, float(np.sqrt(variance / free))
 
 
 def fit_prandtl_ishlinskii(

@@ -85,7 +85,7 @@ def parameter_yaml(
 def identified_facts(
     validation: Validation, verdict: Verdict, *, rms_um: float, samples_used: int,
     samples_lost: int, delay_samples: float, offset_um: float, range_v: tuple[float, float],
-    sample_period_s: float | None = None,
+    drift_um_per_sample: float = 0.0, sample_period_s: float | None = None,
 ) -> dict[str, object]:
     """Return what later steps read of an identification, names with units to values."""
     return {
@@ -99,8 +99,11 @@ def identified_facts(
         'largest_residual_percent': validation.worst_percent,
         'amplitude_levels_v': [level.amplitude_v for level in validation.levels],
         'amplitude_residual_percent': [level.percent for level in validation.levels],
+        'amplitude_uncertainty_percent': [
+            level.uncertainty_percent for level in validation.levels],
         'findings': '; '.join(validation.findings),
         'delay_samples': delay_samples,
+        'drift_um_per_sample': drift_um_per_sample,
         **({} if sample_period_s is None else {'delay_s': delay_samples * sample_period_s}),
         'offset_um': offset_um,
         'minimum_v': range_v[0],

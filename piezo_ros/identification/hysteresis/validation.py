@@ -85,6 +85,12 @@ class Validation:
         return max(counted, key=lambda level: level.percent, default=None)
 
     @property
+    def hidden(self) -> LevelError | None:
+        """The level of which the noise hides most."""
+        counted = [level for level in self.levels if level.share >= 0.95 * SMALLEST_SHARE]
+        return max(counted, key=lambda level: level.uncertainty_percent, default=None)
+
+    @property
     def worst_percent(self) -> float:
         """The error of the worst level, percent of its span; 0 for none beyond the noise."""
         return self.worst.percent if self.worst else 0.0
@@ -251,6 +257,11 @@ def verdict_of(
     """
     worst, percent = validation.worst, validation.worst_percent
     findings = validation.findings
+    hidden = validation.hidden
+    if hidden is not None and hidden.uncertainty_percent > GOOD_PERCENT:
+        findings = (*findings, (
+            f'the noise may hide {hidden.uncertainty_percent:.2g} % of loops of '
+            f'{hidden.amplitude_v:.3g} V: a longer record tells more'))
     coverage = (coverage_warning,) if coverage_warning else ()
     if worst is None or percent <= GOOD_PERCENT:
         text = (
