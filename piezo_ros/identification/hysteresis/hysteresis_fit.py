@@ -204,7 +204,12 @@ def _better_candidate(plain: _Candidate, weighted: list[Record]) -> _Candidate:
         drift_um += change_um
         steady = _candidate(
             _without_drift(steady.few, -steady.drift_um), weighted, elements, drift_um)
-    return _better(best, steady) if drift_um else best
+    if not drift_um:
+        return best
+    samples = max(float(np.ptp(record.index)) for record in plain.few)
+    found = (f'a drift of {1e3 * drift_um * samples:.3g} nm over the record is taken out',)
+    return _better(best, steady._replace(validation=replace(
+        steady.validation, findings=found + steady.validation.findings)))
 
 
 def _better(simple: _Candidate, other: _Candidate) -> _Candidate:
@@ -334,7 +339,9 @@ def _result(
         cross_validated_rms_um=errors,
         drift_um_per_sample=drift_um,
         validation=validation,
-        verdict=verdict_of(validation, kappa.size - 1, richer, coverage.warning),
+        verdict=verdict_of(
+            validation, kappa.size - 1, richer, delay_samples=float(fit.theta[-2]),
+            coverage_warning=coverage.warning),
         samples_used=round(float(weight[known].sum())),
         samples_lost=sum(record.lost for record in records))
 

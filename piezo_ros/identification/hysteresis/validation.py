@@ -47,6 +47,8 @@ POOR_PERCENT: Final = 2.0
 _NAMED_PERCENT: Final = 0.1
 _SIGNIFICANT: Final = 5.0  # standard errors
 _OTHER_SPEED: Final = 1.5  # ratio of two speeds at one amplitude that tells of rate dependence
+_LAG_SAMPLES: Final = 0.5
+RATE_DEPENDENCE: Final = 'rate dependence'
 _TOO_FEW_ELEMENTS: Final = 0.6  # share of the error that more elements leave
 
 _Floats = NDArray[np.float64]
@@ -205,24 +207,27 @@ def _rate(record: Record, residual_um: _Floats) -> str:
     """Compare the width of what is left at one amplitude and different speeds."""
     branches = branches_of(record)
     mean, _ = _of_branches(record, residual_um)
-    width = mean * np.where(branches.rising, 1.0, -1.0)
-    speed = branches.amplitude_v / branches.samples
-    largest = branches.amplitude_v.max()
-    span_um = float(np.ptp(record.displacement_um[record.measured]))
-    for amplitude in np.unique(np.round(10.0 * branches.amplitude_v / largest)):
-        alike = np.isfinite(width) & (
-            np.round(10.0 * branches.amplitude_v / largest) == amplitude) & (amplitude >= 1.0)
-        if alike.sum() < 4 or speed[alike].max() < _OTHER_SPEED * speed[alike].min():
-            continue
-        change, error = _trend(np.log(speed[alike]), width[alike])
-        percent = 100.0 * 2.0 * abs(change) / (span_um * amplitude / 10.0)
-        ratio = speed[alike].max() / speed[alike].min()
-        if percent >= _NAMED_PERCENT and abs(change) >= _SIGNIFICANT * error:
-            sign = 'lags' if change < 0.0 else 'leads'
-            return (
-                f'rate dependence: at {amplitude * 0.1 * largest:.3g} V the displacement {sign} by '
-                f'{percent:.2g} % of the loop more at {ratio:.2g} times the speed')
-    return ''
+    share = branches.amplitude_v / branches.amplitude_v.max()
+    span_um = share * float(np.ptp(record.displacement_um[record.measured]))
+    width = 200.0 * mean * np.where(branches.rising, 1.0, -1.0) / span_um
+    pace = np.log(branches.amplitude_v / branches.samples)
+    groups = np.round(10.0 * share)
+    widths, paces = [], []
+    for group in np.unique(groups[groups >= 1.0]):
+        alike = np.isfinite(width) & (groups == group)
+        if alike.any() and np.ptp(pace[alike]) > np.log(_OTHER_SPEED):
+            # Less the mean at this amplitude: what is left there at any speed is no dependence.
+            widths.append(width[alike] - width[alike].mean())
+            paces.append(pace[alike] - pace[alike].mean())
+    if sum(group.size for group in widths) < 2 * _FEWEST_LOOPS:
+        return ''
+    percent, error = _trend(np.concatenate(paces), np.concatenate(widths))
+    if abs(percent) < _NAMED_PERCENT or abs(percent) < _SIGNIFICANT * error:
+        return ''
+    ratio = np.exp(np.ptp(np.concatenate(paces)))
+    return (
+        f'{RATE_DEPENDENCE}: at {ratio:.2g} times the speed the loop is by {abs(percent):.2g} % of '
+        f'its span {"wider" if percent < 0.0 else "narrower"}')
 
 
 def _trend(x: _Floats, y: _Floats) -> tuple[float, float]:
@@ -236,8 +241,8 @@ def _trend(x: _Floats, y: _Floats) -> tuple[float, float]:
 
 
 def verdict_of(
-    validation: Validation, elements: int, richer: tuple[int, float] | None,
-    coverage_warning: str = '',
+    validation: Validation, elements: int, richer: tuple[int, float] | None, *,
+    delay_samples: float = 0.0, coverage_warning: str = '',
 ) -> Verdict:
     """
     Return how far a hysteresis may be trusted.
@@ -251,6 +256,8 @@ def verdict_of(
     richer : tuple of (int, float) or None
         A larger number of elements, and the error that they leave, percent of the span; None where
         it is not known.
+    delay_samples : float, optional
+        Samples by which the displacement lags: dynamics that may ring at the turns.
     coverage_warning : str, optional
         What the record does not cover.
 
@@ -265,15 +272,22 @@ def verdict_of(
     coverage = (coverage_warning,) if coverage_warning else ()
     if worst is None or percent <= GOOD_PERCENT:
         text = (
-            f'fit {validation.fit_percent:.2f} % on loops held out', *(
-                [f'at most {percent:.2g} % of the span left of a loop'] if percent else []),
+            f'fit {validation.fit_percent:.2f} % on loops held out',
+            f'at most {percent:.2g} % of the span left of a loop'
+            + (f', ± {hidden.uncertainty_percent:.2g} % by the noise' if hidden else ''),
             *findings)
+        if any(finding.startswith(RATE_DEPENDENCE) for finding in findings):
+            return Verdict.usable_up_to('the speeds of the record', *coverage, *text)
         return (Verdict.usable_up_to('the range of the record', *coverage, *text) if coverage
                 else Verdict.good(*text))
     where = (
         f'{percent:.2g} % of the span is left of loops of {worst.amplitude_v:.3g} V '
         f'({1e3 * worst.span_um * percent / 100.0:.3g} nm)')
     reason = 'the model class is the limit'
+    if abs(delay_samples) > _LAG_SAMPLES:
+        reason += (
+            f', or the dynamics: the displacement lags by {delay_samples:.3g} samples and may ring '
+            'at the turns, which a slower record tells')
     if richer is not None and richer[1] < _TOO_FEW_ELEMENTS * percent:
         reason = (f'{elements} elements are too few, {richer[0]} leave {richer[1]:.2g} %: '
                   '--elements auto')
