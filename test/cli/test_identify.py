@@ -192,7 +192,7 @@ def test_without_matplotlib_the_model_is_written_alone(triangle, identify, tmp_p
     assert code == 0
     assert (tmp_path / 'model.yaml').is_file()
     assert not (tmp_path / 'model.svg').exists()
-    assert out.splitlines()[-1] == f'model: {tmp_path / "model.yaml"}'
+    assert f'model: {tmp_path / "model.yaml"}' in out.splitlines()
 
 
 def test_neither_model_nor_picture_is_overwritten_unasked(triangle, identify, tmp_path):
@@ -280,7 +280,7 @@ def test_one_of_several_samples_and_a_part_of_the_run_will_do(triangle, identify
 @pytest.mark.parametrize(('arguments', 'message'), [
     (('--from-s', 7.0), 'no sample from --from-s 7 to --to-s inf, it lasts from 0 s to 0.04999 s'),
     (('--from-s', 0.02, '--to-s', 0.01), 'no sample from'),
-    (('--every', 10**6, '--from-s', 0.01), 'every is 1000000, allowed is 1 … 30 for 3000 samples'),
+    (('--every', 10**6, '--from-s', 0.01), 'every is 1000000, allowed is 1 … 40 for 4000 samples'),
 ])
 def test_a_part_without_samples_is_refused(triangle, identify, arguments, message):
     code, _, err = identify('hysteresis', triangle, *arguments)

@@ -174,17 +174,15 @@ def test_a_drift_is_found_and_is_no_hysteresis():
 
 def test_rate_dependence_is_named_where_one_amplitude_has_two_speeds():
     amplitudes = REACH_V * np.array([1.0, 0.8, 0.6, 0.4, 0.2, 0.1])
-    slow = triangle(amplitudes, 1600)
-    voltage_v = np.concatenate((triangle(amplitudes), slow[1:]))
+    fast, slow = triangle(amplitudes), triangle(amplitudes, 1600)
+    voltage_v = np.concatenate((fast, slow))
     noise_um = 1e-3 * np.random.default_rng(0).normal(size=voltage_v.size)
-    relaxed, late = 0.0, []
-    for voltage in voltage_v:
-        relaxed += 0.02 * (voltage - relaxed)
-        late.append(relaxed)
-    displacement_um = superposition(5)(voltage_v) + noise_um
-    assert not fit_hysteresis(voltage_v, displacement_um).validation.findings
-    dependent = fit_hysteresis(voltage_v, displacement_um + 0.05 * np.array(late))
-    assert 'rate dependence' in str(dependent.verdict)
+    for weight_of_fast, depends in ((1.0, False), (1.2, True)):
+        weight = np.where(np.arange(voltage_v.size) < fast.size, weight_of_fast, 1.0)
+        loops_um = 0.2 * weight * plays(np.array([1.0, 3.0]), voltage_v).sum(axis=1)
+        fit = fit_hysteresis(voltage_v, 0.4 * voltage_v + loops_um + noise_um)
+        assert ('rate dependence' in str(fit.verdict)) == depends
+        assert (fit.verdict.word == 'good') != depends
 
 
 def test_a_memoryless_stage_gets_no_loop():
