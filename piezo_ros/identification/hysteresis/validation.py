@@ -204,30 +204,54 @@ def _drift(record: Record, residual_um: _Floats) -> str:
 
 
 def _rate(record: Record, residual_um: _Floats) -> str:
-    """Compare the width of what is left at one amplitude and different speeds."""
+    """Compare width and height of what is left at one amplitude and different speeds."""
     branches = branches_of(record)
-    mean, _ = _of_branches(record, residual_um)
     share = branches.amplitude_v / branches.amplitude_v.max()
     span_um = share * float(np.ptp(record.displacement_um[record.measured]))
+    mean, _ = _of_branches(record, residual_um)
     width = 200.0 * mean * np.where(branches.rising, 1.0, -1.0) / span_um
+    height = 200.0 * branches.amplitude_v * _slope_of_branches(record, residual_um) / span_um
     pace = np.log(branches.amplitude_v / branches.samples)
-    groups = np.round(10.0 * share)
-    widths, paces = [], []
+    for name, percents in (('width', width), ('height', height)):
+        percent, ratio = _by_pace(np.round(10.0 * share), pace, percents)
+        if abs(percent) >= _NAMED_PERCENT:
+            more = (percent < 0.0) if name == 'width' else (percent > 0.0)
+            return (
+                f'{RATE_DEPENDENCE}: at {ratio:.2g} times the speed the {name} of a loop is by '
+                f'{abs(percent):.2g} % of its span {"larger" if more else "smaller"}')
+    return ''
+
+
+def _slope_of_branches(record: Record, residual_um: _Floats) -> _Floats:
+    """Return the slope of the residual over the voltage on each branch; NaN for none."""
+    number = branches_of(record).number
+    known = np.isfinite(residual_um)
+    number, weight = number[known], record.weight[known]
+    voltage, residual = record.voltage_v[known], residual_um[known]
+    count = int(branches_of(record).amplitude_v.size)
+
+    def total(values: _Floats) -> _Floats:
+        return np.asarray(np.bincount(number, weight * values, count), dtype=np.float64)
+    with np.errstate(invalid='ignore', divide='ignore'):
+        ones, sum_v = total(np.ones_like(voltage)), total(voltage)
+        return np.asarray((total(voltage * residual) - sum_v * total(residual) / ones) / (
+            total(voltage**2) - sum_v**2 / ones))
+
+
+def _by_pace(groups: _Floats, pace: _Floats, percents: _Floats) -> tuple[float, float]:
+    """Return the significant change from the slowest to the fastest branch, and their ratio."""
+    changes, paces = [], []
     for group in np.unique(groups[groups >= 1.0]):
-        alike = np.isfinite(width) & (groups == group)
+        alike = np.isfinite(percents) & (groups == group)
         if alike.any() and np.ptp(pace[alike]) > np.log(_OTHER_SPEED):
             # Less the mean at this amplitude: what is left there at any speed is no dependence.
-            widths.append(width[alike] - width[alike].mean())
+            changes.append(percents[alike] - percents[alike].mean())
             paces.append(pace[alike] - pace[alike].mean())
-    if sum(group.size for group in widths) < 2 * _FEWEST_LOOPS:
-        return ''
-    percent, error = _trend(np.concatenate(paces), np.concatenate(widths))
-    if abs(percent) < _NAMED_PERCENT or abs(percent) < _SIGNIFICANT * error:
-        return ''
-    ratio = np.exp(np.ptp(np.concatenate(paces)))
-    return (
-        f'{RATE_DEPENDENCE}: at {ratio:.2g} times the speed the loop is by {abs(percent):.2g} % of '
-        f'its span {"wider" if percent < 0.0 else "narrower"}')
+    if sum(group.size for group in changes) < 2 * _FEWEST_LOOPS:
+        return 0.0, 1.0
+    change, error = _trend(np.concatenate(paces), np.concatenate(changes))
+    ratio = float(np.exp(np.ptp(np.concatenate(paces))))
+    return (change if abs(change) >= _SIGNIFICANT * error else 0.0), ratio
 
 
 def _trend(x: _Floats, y: _Floats) -> tuple[float, float]:
