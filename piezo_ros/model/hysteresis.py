@@ -33,8 +33,13 @@ keep this line and the range in which it is valid behind the plays: until the in
 more element saturates, a sample costs one multiplication or division. The line is a shortcut only:
 to the last bit, the result of a step is a function of plays and input alone.
 
-A stage with loops that are not symmetric has a map S behind H, see `piezo_ros.model.asymmetry`; the
-steps of H know nothing of it.
+Loops that are not symmetric have one-sided dead zones behind H, the superposition of the modified
+Prandtl-Ishlinskii model (Kuhnen 2003), thresholds t_i and weights w_i; the operator is S(H(u))::
+
+    S(x) = x + sum over t_i >= 0 of w_i max(x - t_i, 0) + sum over t_i < 0 of w_i min(x - t_i, 0)
+
+S rises strictly, is a straight line between the thresholds, about zero of slope 1, and so is its
+inverse.
 """
 
 import math
@@ -44,16 +49,11 @@ from itertools import pairwise
 from typing import Any, NamedTuple
 
 from piezo_ros import paper
-from piezo_ros.model.asymmetry import (
-    AsymmetryConstants,
-    asymmetry_constants,
-    asymmetry_step,
-    symmetric_step,
-)
 from piezo_ros.model.parameters import ParameterError, ParameterSet, parameter
 from piezo_ros.model.step import Vector, step
 
 __all__ = [
+    'AsymmetryConstants',
     'HysteresisConstants',
     'HysteresisParameters',
     'compensation_step',
@@ -65,6 +65,68 @@ __all__ = [
     'settle_step',
     'state_size',
 ]
+
+
+class AsymmetryConstants(NamedTuple):
+    """What the steps need of the map; lists in a node, arrays in a kernel."""
+
+    threshold_um: Any  # (m,) rising
+    image_um: Any  # (m,) S at the thresholds
+    slope_below: Any  # (m,) slope of S below a threshold
+    slope_above: Any  # (m,) slope of S above it
+
+
+def asymmetry_constants(
+    threshold_um: Sequence[float], weight: Sequence[float],
+) -> AsymmetryConstants:
+    """Return the map of thresholds and weights as lists; the caller refuses slopes below zero."""
+    size = len(threshold_um)
+    first = sum(1 for threshold in threshold_um if threshold < 0.0)  # from zero on
+    slopes = [1.0] * (size + 1)
+    images = list(threshold_um)
+    for i in range(first, size):
+        slopes[i + 1] = slopes[i] + weight[i]
+    for i in reversed(range(first)):
+        slopes[i] = slopes[i + 1] + weight[i]
+    for i, j in pairwise(range(first, size)):
+        images[j] = images[i] + slopes[j] * (threshold_um[j] - threshold_um[i])
+    for j, i in pairwise(reversed(range(first))):
+        images[i] = images[j] - slopes[j] * (threshold_um[j] - threshold_um[i])
+    return AsymmetryConstants(list(threshold_um), images, slopes[:-1], slopes[1:])
+
+
+@step
+def asymmetry_step(constants: AsymmetryConstants, displacement_um: float) -> float:
+    """Return S of a displacement; the displacement itself where S has no threshold."""
+    image_um = displacement_um
+    for i in range(len(constants.threshold_um)):
+        threshold_um = constants.threshold_um[i]
+        if threshold_um < 0.0:
+            if displacement_um < threshold_um:
+                below_um: float = constants.image_um[i] + constants.slope_below[i] * (
+                    displacement_um - threshold_um)
+                return below_um
+        elif displacement_um > threshold_um:
+            image_um = constants.image_um[i] + constants.slope_above[i] * (
+                displacement_um - threshold_um)
+    return image_um
+
+
+@step
+def symmetric_step(constants: AsymmetryConstants, image_um: float) -> float:
+    """Return the displacement of which S is the image: the exact inverse."""
+    displacement_um = image_um
+    for i in range(len(constants.threshold_um)):
+        threshold_um = constants.threshold_um[i]
+        if threshold_um < 0.0:
+            if image_um < constants.image_um[i]:
+                below_um: float = threshold_um + (
+                    image_um - constants.image_um[i]) / constants.slope_below[i]
+                return below_um
+        elif image_um > constants.image_um[i]:
+            displacement_um = threshold_um + (
+                image_um - constants.image_um[i]) / constants.slope_above[i]
+    return displacement_um
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -49,7 +49,7 @@ class MaxwellResistiveCapacitor:
     saturation_v : sequence of float, shape (n,)
         Saturation voltages of the limited elements.
     asymmetry_threshold_um, asymmetry_weight : sequence of float, shape (m,), optional
-        The map S behind the elements, see `piezo_ros.model.asymmetry`; none by default. The
+        The map S behind the elements, see `piezo_ros.model.hysteresis`; none by default. The
         displacement of the operator is then S(H(u)).
 
     Raises

@@ -24,10 +24,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from piezo_ros.model.asymmetry import AsymmetryConstants
 from piezo_ros.model.converter import ConverterConstants
 from piezo_ros.model.creep import CreepConstants
-from piezo_ros.model.hysteresis import HysteresisConstants, state_size
+from piezo_ros.model.hysteresis import AsymmetryConstants, HysteresisConstants, state_size
 from piezo_ros.model.rig import RigConstants, RigState
 from piezo_ros.model.state_space import LinearConstants
 from piezo_ros.model.step import step

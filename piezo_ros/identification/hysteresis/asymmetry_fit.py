@@ -21,7 +21,7 @@ With y = offset + S(H(u)), H a superposition of plays and z the inverse of S on 
 
 is linear in b and p where the thresholds r_i are a fixed grid: one least-squares problem starts
 the search. Then H is fitted to z(y), and S to y over H(u), in turns. Last, H is scaled so that S
-has the slope 1 about zero, as `piezo_ros.model.asymmetry` writes it.
+has the slope 1 about zero, as `piezo_ros.model.hysteresis` writes it.
 """
 
 from collections.abc import Sequence
@@ -63,7 +63,7 @@ class AsymmetricFit(NamedTuple):
     normal : NormalEquations
         Those of H, in units of H, at a known S.
     threshold_um, weight : ndarray, shape (m,)
-        The map S, see `piezo_ros.model.asymmetry`; empty for none.
+        The map S, see `piezo_ros.model.hysteresis`; empty for none.
     inverse : tuple of ndarray, shape (k,)
         Displacements, and the inverse of S there less the offset; empty for none.
 
@@ -226,7 +226,7 @@ def _normalised(
 
 
 def _mapped(threshold_um: _Floats, weight: _Floats, displacement_um: _Floats) -> _Floats:
-    """Return S over an array, see `piezo_ros.model.asymmetry`."""
+    """Return S over an array, see `piezo_ros.model.hysteresis`."""
     mapped = displacement_um.copy()
     for threshold, change in zip(threshold_um, weight, strict=True):
         beyond = displacement_um - threshold
