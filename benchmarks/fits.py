@@ -14,6 +14,7 @@
 
 """Time that the identification of hysteresis and dynamics and the tuning of PI gains take."""
 
+from collections.abc import Callable
 from functools import cache
 from typing import Any, Final
 
@@ -55,9 +56,21 @@ def _response() -> FrequencyResponse:
         excitation.command, displacement_um, trajectory.sample_period_s, excitation=excitation)
 
 
-def _hysteresis_s() -> tuple[float]:
-    run = _slow_triangle()
-    return (seconds(lambda: fit_hysteresis(run.voltage_v, run.displacement_um[:-1])),)
+@cache
+def _long_triangle() -> Any:
+    return simulate_bare(RigParameters(), TrajectoryParameters(
+        output='voltage', waveform='decreasing_triangle', amplitude_v=3.0, frequency_hz=0.1,
+        periods=10.0, harmonics=0, sample_period_s=1e-4))
+
+
+def _hysteresis_s(
+    elements: int = 10, record: Callable[[], Any] = _slow_triangle,
+) -> Callable[[], tuple[float]]:
+    def measure() -> tuple[float]:
+        run = record()
+        return (seconds(lambda: fit_hysteresis(
+            run.voltage_v, run.displacement_um[:-1], elements=elements)),)
+    return measure
 
 
 def _dynamics_s() -> tuple[float]:
@@ -70,12 +83,17 @@ def _tuning_s() -> tuple[float]:
 
 
 FITS: Final = (
-    Measurement('fits', (lower('fit_hysteresis', 's'),), _hysteresis_s),
+    Measurement('fits', (lower('fit_hysteresis', 's'),), _hysteresis_s()),
+    Measurement('fits', (lower('fit_hysteresis_40_elements', 's'),), _hysteresis_s(40)),
+    Measurement(
+        'fits', (lower('fit_hysteresis_1m_samples', 's'),), _hysteresis_s(record=_long_triangle)),
     Measurement('fits', (lower('fit_dynamics', 's'),), _dynamics_s),
     Measurement('fits', (lower('tune_pi', 's'),), _tuning_s),
 )
 FIT_RATIOS: Final = (
     Ratio('fit_hysteresis_over_decomposition', 'fit_hysteresis', 'decomposition',
+          higher_is_better=False),
+    Ratio('fit_hysteresis_40_over_10_elements', 'fit_hysteresis_40_elements', 'fit_hysteresis',
           higher_is_better=False),
     Ratio('fit_dynamics_over_decomposition', 'fit_dynamics', 'decomposition',
           higher_is_better=False),

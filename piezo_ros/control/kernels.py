@@ -28,7 +28,7 @@ from piezo_ros.model.step import step
 __all__ = ['closed_loop', 'controller_array', 'creeping_closed_loop', 'trajectory_array']
 
 _controller_step = controller.controller_step
-_inverse_step = hysteresis.inverse_step
+_compensation_step = hysteresis.compensation_step
 _packed_creep = model_packing.packed_creep
 _sample_step = rig.sample_step
 _trajectory_step = trajectory.trajectory_step
@@ -72,7 +72,7 @@ def _close_loop(
         command_um = _controller_step(
             controller_state, controller_constants, k, run.reference_um[k], run.feedforward_um[k],
             measured_um)
-        voltage_v = _inverse_step(inverse_state, inverse_constants, command_um)
+        voltage_v = _compensation_step(inverse_state, inverse_constants, command_um)
         measured_um = _sample_step(rig_state, rig_constants, voltage_v, noise[k + 1])
         run.command_um[k] = command_um
         run.voltage_v[k] = voltage_v

@@ -179,8 +179,7 @@ def _command_of(
     index = np.arange(voltage_v.size)
     # The hysteresis remembers what came before a lost sample, so that this must not end there.
     filled_v = np.interp(index, index[finite], voltage_v[finite])
-    command_um = MaxwellResistiveCapacitor(
-        hysteresis.kappa_um_per_v, hysteresis.saturation_v).forward(filled_v)[0]
+    command_um = MaxwellResistiveCapacitor.of(hysteresis).forward(filled_v)[0]
     return np.where(finite, command_um, np.nan)
 
 

@@ -32,11 +32,20 @@ As long as the same elements are dragged, the voltage is a straight line, u = K 
 keep this line and the range in which it is valid behind the plays: until the input turns or one
 more element saturates, a sample costs one multiplication or division. The line is a shortcut only:
 to the last bit, the result of a step is a function of plays and input alone.
+
+Loops that are not symmetric have one-sided dead zones behind H, the superposition of the modified
+Prandtl-Ishlinskii model (Kuhnen 2003), thresholds t_i and weights w_i; the operator is S(H(u))::
+
+    S(x) = x + sum over t_i >= 0 of w_i max(x - t_i, 0) + sum over t_i < 0 of w_i min(x - t_i, 0)
+
+S rises strictly, is a straight line between the thresholds, about zero of slope 1, and so is its
+inverse.
 """
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 from piezo_ros import paper
@@ -44,15 +53,80 @@ from piezo_ros.model.parameters import ParameterError, ParameterSet, parameter
 from piezo_ros.model.step import Vector, step
 
 __all__ = [
+    'AsymmetryConstants',
     'HysteresisConstants',
     'HysteresisParameters',
+    'compensation_step',
     'forward_step',
     'hysteresis_constants',
     'hysteresis_state',
+    'hysteresis_step',
     'inverse_step',
     'settle_step',
     'state_size',
 ]
+
+
+class AsymmetryConstants(NamedTuple):
+    """What the steps need of the map; lists in a node, arrays in a kernel."""
+
+    threshold_um: Any  # (m,) rising
+    image_um: Any  # (m,) S at the thresholds
+    slope_below: Any  # (m,) slope of S below a threshold
+    slope_above: Any  # (m,) slope of S above it
+
+
+def asymmetry_constants(
+    threshold_um: Sequence[float], weight: Sequence[float],
+) -> AsymmetryConstants:
+    """Return the map of thresholds and weights as lists; the caller refuses slopes below zero."""
+    size = len(threshold_um)
+    first = sum(1 for threshold in threshold_um if threshold < 0.0)  # from zero on
+    slopes = [1.0] * (size + 1)
+    images = list(threshold_um)
+    for i in range(first, size):
+        slopes[i + 1] = slopes[i] + weight[i]
+    for i in reversed(range(first)):
+        slopes[i] = slopes[i + 1] + weight[i]
+    for i, j in pairwise(range(first, size)):
+        images[j] = images[i] + slopes[j] * (threshold_um[j] - threshold_um[i])
+    for j, i in pairwise(reversed(range(first))):
+        images[i] = images[j] - slopes[j] * (threshold_um[j] - threshold_um[i])
+    return AsymmetryConstants(list(threshold_um), images, slopes[:-1], slopes[1:])
+
+
+@step
+def asymmetry_step(constants: AsymmetryConstants, displacement_um: float) -> float:
+    """Return S of a displacement; the displacement itself where S has no threshold."""
+    image_um = displacement_um
+    for i in range(len(constants.threshold_um)):
+        threshold_um = constants.threshold_um[i]
+        if threshold_um < 0.0:
+            if displacement_um < threshold_um:
+                below_um: float = constants.image_um[i] + constants.slope_below[i] * (
+                    displacement_um - threshold_um)
+                return below_um
+        elif displacement_um > threshold_um:
+            image_um = constants.image_um[i] + constants.slope_above[i] * (
+                displacement_um - threshold_um)
+    return image_um
+
+
+@step
+def symmetric_step(constants: AsymmetryConstants, image_um: float) -> float:
+    """Return the displacement of which S is the image: the exact inverse."""
+    displacement_um = image_um
+    for i in range(len(constants.threshold_um)):
+        threshold_um = constants.threshold_um[i]
+        if threshold_um < 0.0:
+            if image_um < constants.image_um[i]:
+                below_um: float = threshold_um + (
+                    image_um - constants.image_um[i]) / constants.slope_below[i]
+                return below_um
+        elif image_um > constants.image_um[i]:
+            displacement_um = threshold_um + (
+                image_um - constants.image_um[i]) / constants.slope_above[i]
+    return displacement_um
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,6 +140,13 @@ class HysteresisParameters(ParameterSet):
     saturation_v: tuple[float, ...] = parameter(
         paper.SATURATION_V, 'V', 'saturation voltage u_S,i of the n voltage-limited elements',
         minimum=0.0, maximum=1e3)
+    asymmetry_threshold_um: tuple[float, ...] = parameter(
+        (), 'um',
+        'thresholds, rising, of the one-sided dead zones behind the elements; none: symmetric',
+        minimum=-1e5, maximum=1e5)
+    asymmetry_weight: tuple[float, ...] = parameter(
+        (), '', 'change of the slope at each of these thresholds, away from zero',
+        minimum=-1e3, maximum=1e3)
 
     def check_together(self) -> None:
         """Refuse lists of lengths that do not belong together."""
@@ -76,6 +157,20 @@ class HysteresisParameters(ParameterSet):
                 f'kappa_um_per_v has {all_elements} values and saturation_v {limited}; there must '
                 'be one kappa more than saturation voltages (the last one is the unlimited '
                 'element)')
+        thresholds, weights = self.asymmetry_threshold_um, self.asymmetry_weight
+        if len(thresholds) != len(weights):
+            raise ParameterError(
+                f'asymmetry_threshold_um has {len(thresholds)} values and asymmetry_weight '
+                f'{len(weights)}; there must be one weight for each threshold')
+        if any(high <= low for low, high in pairwise(thresholds)):
+            raise ParameterError(
+                f'asymmetry_threshold_um is {list(thresholds)}, the values must rise')
+        constants = asymmetry_constants(thresholds, weights)
+        flattest = min([*constants.slope_below, *constants.slope_above], default=1.0)
+        if flattest < _SMALLEST_SLOPE:
+            raise ParameterError(
+                f'asymmetry_weight is {list(weights)}: the slope falls to {flattest:g}, allowed is '
+                f'{_SMALLEST_SLOPE:g} or more, as the displacement must rise with the voltage')
 
 
 class HysteresisConstants(NamedTuple):
@@ -88,6 +183,7 @@ class HysteresisConstants(NamedTuple):
     total_v_per_um: float  # sum over all n + 1 elements
     widest_um: float  # largest half width
     rounding: float  # bound of what n + 1 additions lose, relative
+    asymmetry: AsymmetryConstants
 
 
 # The state of the operator: n plays and, behind them, the line that is valid at present.
@@ -98,6 +194,8 @@ _DRAG = 4  # where the dragged plays go: 1 up, -1 down, 0 for none
 _LAST_UM = 5  # displacement of the newest sample; dragged plays are to be moved to it
 _MARGIN_UM = 6  # so close to a bound the comparison of a play decides
 _LINE_SIZE = 7
+# The map behind the elements must have an inverse that no rounding error is enlarged by.
+_SMALLEST_SLOPE = 1e-3
 
 
 def hysteresis_constants(parameters: HysteresisParameters) -> HysteresisConstants:
@@ -110,7 +208,8 @@ def hysteresis_constants(parameters: HysteresisParameters) -> HysteresisConstant
     width = [kappa * limit for kappa, limit in zip(limited, parameters.saturation_v, strict=True)]
     return HysteresisConstants(
         slope, width, list(parameters.saturation_v), 1.0 / unlimited, total,
-        max(width, default=0.0), (len(width) + 8) * 2.0**-45)
+        max(width, default=0.0), (len(width) + 8) * 2.0**-45,
+        asymmetry_constants(parameters.asymmetry_threshold_um, parameters.asymmetry_weight))
 
 
 def hysteresis_state(plays_um: Sequence[float]) -> list[float]:
@@ -135,6 +234,20 @@ def hysteresis_state(plays_um: Sequence[float]) -> list[float]:
 def state_size(elements: int) -> int:
     """Return how many numbers the state of an operator with so many limited elements has."""
     return elements + _LINE_SIZE
+
+
+@step
+def hysteresis_step(state: Vector, constants: HysteresisConstants, voltage_v: float) -> float:
+    """Move the state to a voltage and return its displacement S(H(u))."""
+    return asymmetry_step(constants.asymmetry, forward_step(state, constants, voltage_v))
+
+
+@step
+def compensation_step(
+    state: Vector, constants: HysteresisConstants, displacement_um: float,
+) -> float:
+    """Move the state to a displacement S(H(u)) and return its voltage u."""
+    return inverse_step(state, constants, symmetric_step(constants.asymmetry, displacement_um))
 
 
 @step

@@ -27,12 +27,12 @@ from numpy.typing import ArrayLike, NDArray
 from piezo_ros import paper
 from piezo_ros.model.hysteresis import (
     HysteresisParameters,
+    compensation_step,
     hysteresis_constants,
     hysteresis_state,
-    inverse_step,
 )
 from piezo_ros.model.packing import packed_inverse, unpacked_inverse
-from piezo_ros.model.step import step
+from piezo_ros.model.step import as_arrays, step
 from piezo_ros.series import finite_series
 
 __all__ = ['InverseHysteresis', 'MaxwellResistiveCapacitor']
@@ -48,6 +48,9 @@ class MaxwellResistiveCapacitor:
         Compliances of the elements, the last one unlimited; Table 1 in Liu 2015 by default.
     saturation_v : sequence of float, shape (n,)
         Saturation voltages of the limited elements.
+    asymmetry_threshold_um, asymmetry_weight : sequence of float, shape (m,), optional
+        The map S behind the elements, see `piezo_ros.model.hysteresis`; none by default. The
+        displacement of the operator is then S(H(u)).
 
     Raises
     ------
@@ -70,14 +73,26 @@ class MaxwellResistiveCapacitor:
         self,
         kappa_um_per_v: Sequence[float] = paper.KAPPA_UM_PER_V,
         saturation_v: Sequence[float] = paper.SATURATION_V,
+        asymmetry_threshold_um: Sequence[float] = (),
+        asymmetry_weight: Sequence[float] = (),
     ) -> None:
         self.parameters = HysteresisParameters(
-            kappa_um_per_v=tuple(kappa_um_per_v), saturation_v=tuple(saturation_v))
+            kappa_um_per_v=tuple(kappa_um_per_v), saturation_v=tuple(saturation_v),
+            asymmetry_threshold_um=tuple(asymmetry_threshold_um),
+            asymmetry_weight=tuple(asymmetry_weight))
         constants = hysteresis_constants(self.parameters)
         self._constants = constants._replace(
             slope_v_per_um=np.array(constants.slope_v_per_um, dtype=np.float64),
             width_um=np.array(constants.width_um, dtype=np.float64),
-            saturation_v=np.array(constants.saturation_v, dtype=np.float64))
+            saturation_v=np.array(constants.saturation_v, dtype=np.float64),
+            asymmetry=as_arrays(constants.asymmetry))
+
+    @classmethod
+    def of(cls, parameters: HysteresisParameters) -> 'MaxwellResistiveCapacitor':
+        """Return the operator of a parameter set, which may hold more than that of a hysteresis."""
+        return cls(
+            parameters.kappa_um_per_v, parameters.saturation_v,
+            parameters.asymmetry_threshold_um, parameters.asymmetry_weight)
 
     def virgin_state(self) -> NDArray[np.float64]:
         """Return the play values of the never driven operator, shape (n,), micrometres."""
@@ -224,10 +239,10 @@ class InverseHysteresis:
             return voltage_v
         state, constants = self._state, self._constants
         return np.array([
-            inverse_step(state, constants, command) for command in command_um.tolist()])
+            compensation_step(state, constants, command) for command in command_um.tolist()])
 
 
 @step
 def _sample(memory: Any, nothing: Any, at: int, k: int, command_um: float) -> float:
     state, constants = unpacked_inverse(memory)
-    return inverse_step(state, constants, command_um)
+    return compensation_step(state, constants, command_um)

@@ -30,8 +30,8 @@ __all__ = [
     'rig_array',
 ]
 
-_forward_step = hysteresis.forward_step
-_inverse_step = hysteresis.inverse_step
+_compensation_step = hysteresis.compensation_step
+_hysteresis_step = hysteresis.hysteresis_step
 _packed_creep = packing.packed_creep
 _sample_step = rig.sample_step
 _settle_step = hysteresis.settle_step
@@ -46,7 +46,7 @@ def forward_array(
 ) -> None:
     """Fill ``displacement_um`` and leave the last plays in ``state``."""
     for k in range(voltage_v.size):
-        displacement_um[k] = _forward_step(state, constants, voltage_v[k])
+        displacement_um[k] = _hysteresis_step(state, constants, voltage_v[k])
     _settle_step(state, constants)
 
 
@@ -57,7 +57,7 @@ def inverse_array(
 ) -> None:
     """Fill ``voltage_v`` and leave the last plays in ``state``."""
     for k in range(displacement_um.size):
-        voltage_v[k] = _inverse_step(state, constants, displacement_um[k])
+        voltage_v[k] = _compensation_step(state, constants, displacement_um[k])
     _settle_step(state, constants)
 
 
@@ -91,4 +91,4 @@ def inverse_packed_array(
     """Fill ``voltage_v``; the state in ``memory`` moves on."""
     state, constants = _unpacked_inverse(memory)
     for k in range(displacement_um.size):
-        voltage_v[k] = _inverse_step(state, constants, displacement_um[k])
+        voltage_v[k] = _compensation_step(state, constants, displacement_um[k])

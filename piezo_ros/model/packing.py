@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from piezo_ros.model.converter import ConverterConstants
 from piezo_ros.model.creep import CreepConstants
-from piezo_ros.model.hysteresis import HysteresisConstants, state_size
+from piezo_ros.model.hysteresis import AsymmetryConstants, HysteresisConstants, state_size
 from piezo_ros.model.rig import RigConstants, RigState
 from piezo_ros.model.state_space import LinearConstants
 from piezo_ros.model.step import step
@@ -62,6 +62,8 @@ def _flat(value: Any) -> list[float]:
     """Return the numbers of nested named tuples and lists, depth first; none of None."""
     if value is None:
         return []
+    if isinstance(value, AsymmetryConstants):
+        return [float(len(value.threshold_um)), *_flat(tuple(value))]
     if isinstance(value, list | tuple):
         return [number for element in value for number in _flat(element)]
     return [float(value)]
@@ -113,7 +115,7 @@ def unpacked_rig(
     before = _linear_at(memory, at, order_before)
     at += order_before * (order_before + 2) + 1
     hysteresis = _hysteresis_at(memory, at, elements)
-    at += 3 * elements + 4
+    at += _hysteresis_size(memory, at, elements)
     behind = _linear_at(memory, at, order_behind)
     at += order_behind * (order_behind + 2) + 1
     return state, RigConstants(
@@ -145,7 +147,19 @@ def _linear_at(memory: Any, at: int, order: int) -> LinearConstants:
 
 @step
 def _hysteresis_at(memory: Any, at: int, elements: int) -> HysteresisConstants:
+    map_at = at + 3 * elements + 5
+    knots = int(memory[map_at - 1])
     return HysteresisConstants(
         memory[at:at + elements], memory[at + elements:at + 2 * elements],
         memory[at + 2 * elements:at + 3 * elements], memory[at + 3 * elements],
-        memory[at + 3 * elements + 1], memory[at + 3 * elements + 2], memory[at + 3 * elements + 3])
+        memory[at + 3 * elements + 1], memory[at + 3 * elements + 2], memory[at + 3 * elements + 3],
+        AsymmetryConstants(
+            memory[map_at:map_at + knots], memory[map_at + knots:map_at + 2 * knots],
+            memory[map_at + 2 * knots:map_at + 3 * knots],
+            memory[map_at + 3 * knots:map_at + 4 * knots]))
+
+
+@step
+def _hysteresis_size(memory: Any, at: int, elements: int) -> int:
+    """Return how many numbers the constants of a hysteresis take, the size of their map too."""
+    return 3 * elements + 5 + 4 * int(memory[at + 3 * elements + 4])

@@ -55,9 +55,9 @@ from piezo_ros.model.dynamics import DynamicsParameters, LinearDynamics
 from piezo_ros.model.hysteresis import (
     HysteresisConstants,
     HysteresisParameters,
-    forward_step,
     hysteresis_constants,
     hysteresis_state,
+    hysteresis_step,
 )
 from piezo_ros.model.parameters import ParameterError, parameter
 from piezo_ros.model.state_space import (
@@ -407,7 +407,7 @@ def rig_step(state: RigState, constants: RigConstants, voltage_v: float) -> floa
     drive_v = _delay_step(state.delayed_v, constants.delay_samples, drive_v)
     true_um = 0.0
     if constants.lumped:
-        free_um = forward_step(state.hysteresis, constants.hysteresis, drive_v)
+        free_um = hysteresis_step(state.hysteresis, constants.hysteresis, drive_v)
         free_um = creep_step(state.relaxed_um, constants.creep, free_um)
         true_um = update_then_output(state.behind, state.scratch, constants.behind, free_um)
     else:
@@ -415,7 +415,7 @@ def rig_step(state: RigState, constants: RigConstants, voltage_v: float) -> floa
             held_v = state.drive_v[4] if substep < constants.late_substeps else drive_v
             amplified_v = update_then_output(
                 state.before, state.scratch, constants.before, held_v)
-            free_um = forward_step(state.hysteresis, constants.hysteresis, amplified_v)
+            free_um = hysteresis_step(state.hysteresis, constants.hysteresis, amplified_v)
             free_um = creep_step(state.relaxed_um, constants.creep, free_um)
             true_um = output_then_update(state.behind, state.scratch, constants.behind, free_um)
         state.drive_v[4] = drive_v

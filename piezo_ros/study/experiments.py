@@ -111,8 +111,8 @@ def run_experiments(
     uncompensated, compensated = study.static_loops()
     hysteresis = study.hysteresis()
     inverse = {
-        'kappa_um_per_v': hysteresis.parameters.kappa_um_per_v,
-        'saturation_v': hysteresis.parameters.saturation_v}
+        name: values for name in hysteresis.parameters.names()
+        if (values := getattr(hysteresis.parameters, name))}
     identified_loop = study.compensated_loop('identified', inverse)
     dynamics = study.dynamics('identified', inverse, _IDENTIFICATION_AMPLITUDES_UM)
     dynamics_published = study.dynamics('published', {}, _IDENTIFICATION_AMPLITUDES_UM[1:2])

@@ -18,12 +18,12 @@ import argparse
 import itertools
 import math
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple, Protocol, TypeVar
 
-from piezo_ros.bag import BagError, Run, open_recording
+from piezo_ros.bag import BagError, Recording, Run, open_recording
 from piezo_ros.cli.bag_options import add_bag_options, bag_options
 from piezo_ros.cli.exit_codes import (
     EXIT_DONE,
@@ -38,12 +38,31 @@ from piezo_ros.parameters.errors import PlanError, failure_text
 from piezo_ros.report.files import write_atomically
 
 __all__ = [
-    'TABLE_SUFFIX', 'Identified', 'add_common_arguments', 'add_verdict_arguments', 'identify',
-    'source', 'with_picture',
+    'TABLE_SUFFIX', 'Identified', 'Source', 'add_common_arguments', 'add_verdict_arguments',
+    'identify', 'source', 'with_picture',
 ]
 
 TABLE_SUFFIX: Final = '.csv'
 _PLOT_SUFFIX: Final = '.svg'
+
+
+class Source(Protocol):
+    """What every kind reads of a bag, beside the samples."""
+
+    @property
+    def path(self) -> Path:
+        """The bag."""
+
+    @property
+    def sample_period_s(self) -> float:
+        """Sample period, seconds."""
+
+    @property
+    def lost(self) -> tuple[str, ...]:
+        """Sentences that name the losses."""
+
+
+_Source = TypeVar('_Source', bound=Source)
 
 
 class Identified(NamedTuple):
@@ -86,8 +105,9 @@ def add_verdict_arguments(kind: argparse.ArgumentParser) -> None:
 
 
 def identify(
-    make: Callable[[argparse.Namespace, list[Run]], Identified], options: argparse.Namespace,
-    *, further_suffixes: tuple[str, ...] = (), every: int = 1, hysteresis: bool = False,
+    make: Callable[[argparse.Namespace, list[_Source]], Identified], options: argparse.Namespace,
+    *, read: Callable[[Recording, int, int], _Source] = Recording.part,  # type: ignore[assignment]
+    further_suffixes: tuple[str, ...] = (), hysteresis: bool = False,
 ) -> int:
     """
     Read the bags, make a model of them, write its files and return the exit code.
@@ -100,8 +120,9 @@ def identify(
         The arguments of the command.
     further_suffixes : tuple of str, optional
         Suffixes of further files beside the model, which are not replaced without ``--force``.
-    every : int, optional
-        One of so many samples is taken.
+    read : callable, optional
+        Reads the samples of a recording from a first one to before a last one; `Recording.part`
+        by default.
     hysteresis : bool, optional
         Whether voltage and displacement are all that is wanted, up to their first gap.
 
@@ -113,7 +134,9 @@ def identify(
             print(f'piezo: {path} exists; --force replaces it', file=sys.stderr)
             return EXIT_USAGE
     try:
-        runs = [_read(path, options, hysteresis, every) for path in options.bags]
+        runs = [
+            _with_losses(read(*_opened(path, options, hysteresis)), options.allow_loss)
+            for path in options.bags]
         _refuse_different_periods(runs)
         files, verdict = make(options, runs)
         for path, text in files.items():
@@ -136,8 +159,10 @@ def _exit_code(verdict: Verdict | None, is_lossy: bool, accept_poor: bool) -> in
     return EXIT_LOSS if is_lossy else EXIT_DONE
 
 
-def _read(path: Path, options: argparse.Namespace, hysteresis: bool, every: int) -> Run:
-    """Read what is wanted of a bag, of which the rest may be longer than the memory."""
+def _opened(
+    path: Path, options: argparse.Namespace, hysteresis: bool,
+) -> tuple[Recording, int, int]:
+    """Open a bag that may be longer than the memory; return what part of it is wanted."""
     recording = open_recording(
         path, **bag_options(options), keep_not_finite=True,  # the fits leave them out
         fill_gaps=not hysteresis)
@@ -152,20 +177,20 @@ def _read(path: Path, options: argparse.Namespace, hysteresis: bool, every: int)
         raise BagError(
             f'{path} has no sample from --from-s {options.from_s:g} to --to-s {options.to_s:g}, '
             f'it lasts from {first_s:g} s to {last_s:g} s')
-    if hysteresis:
-        return recording.part(start, stop, every=every, streams=('voltage', 'displacement'))
-    return _with_losses(recording.part(start, stop), options.allow_loss)
+    return recording, start, stop
 
 
-def _with_losses(run: Run, allow_loss: bool) -> Run:
+def _with_losses(run: _Source, allow_loss: bool) -> _Source:
     """Return a run that tells which of its samples are not finite, or refuse it."""
+    if not isinstance(run, Run):  # the other kind of source tells of them itself
+        return run
     sentences = run.not_finite()
     if sentences and not allow_loss:
         raise BagError(f'{run.path}: {"; ".join(sentences)}')
     return replace(run, lost=run.lost + sentences)
 
 
-def _refuse_different_periods(runs: list[Run]) -> None:
+def _refuse_different_periods(runs: Sequence[Source]) -> None:
     for first, run in itertools.pairwise(runs):
         if run.sample_period_s != first.sample_period_s:
             raise BagError(
@@ -173,7 +198,7 @@ def _refuse_different_periods(runs: list[Run]) -> None:
                 f'{first.sample_period_s:g} s: they cannot be identified together')
 
 
-def source(runs: list[Run]) -> str:
+def source(runs: Sequence[Source]) -> str:
     """Return where a model is from, for its file."""
     return ', '.join(str(run.path) for run in runs)
 

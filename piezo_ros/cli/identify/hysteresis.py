@@ -16,18 +16,51 @@
 
 import argparse
 import sys
-from typing import Any
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, Final, NamedTuple
 
-from piezo_ros.bag import Run
+import numpy as np
+from numpy.typing import NDArray
+
+from piezo_ros.bag import Recording
 from piezo_ros.cli.identify.common import (
     Identified,
     add_common_arguments,
+    add_verdict_arguments,
     identify,
     source,
     with_picture,
 )
+from piezo_ros.identification.hysteresis.hysteresis_result import HysteresisFit
+from piezo_ros.identification.hysteresis.records import Record, record_of_blocks
 
 __all__ = ['add_kind']
+
+_BLOCK_SAMPLES: Final = 500_000
+
+
+class ReducedRun(NamedTuple):
+    """
+    The hysteresis record of a bag, in a memory that does not grow with the bag.
+
+    Attributes
+    ----------
+    path : Path
+        The bag.
+    sample_period_s : float
+        Sample period of the bag, seconds.
+    lost : tuple of str
+        Sentences that name the losses.
+    record : Record
+        Voltage and displacement.
+
+    """
+
+    path: Path
+    sample_period_s: float
+    lost: tuple[str, ...]
+    record: Record
 
 
 def add_kind(kinds: Any) -> None:
@@ -45,12 +78,16 @@ def add_kind(kinds: Any) -> None:
         help='voltages at which the model will be used; warns of what the bags do not cover')
     kind.add_argument(
         '--every', type=_positive, default=1, metavar='N',
-        help='take one of N samples: of a slow triangle the others tell little more')
+        help='average over N samples, but at turns of the voltage: of a slow triangle single '
+        'samples tell little more')
     kind.add_argument(
         '--compare', action='store_true', help='also fit other models to the same bags')
     add_common_arguments(kind)
+    add_verdict_arguments(kind)
     kind.set_defaults(function=lambda options: identify(
-        _make, options, every=options.every, hysteresis=True))
+        _make, options, hysteresis=True,
+        read=lambda recording, start, stop: _reduced_run(
+            recording, start, stop, virgin=not options.used, every=options.every)))
 
 
 def _positive(text: str) -> int:
@@ -60,31 +97,63 @@ def _positive(text: str) -> int:
     return value
 
 
-def _make(options: argparse.Namespace, runs: list[Run]) -> Identified:
-    import numpy as np
+def _reduced_run(
+    recording: Recording, start: int, stop: int, *, virgin: bool, every: int,
+) -> ReducedRun:
+    """Read a part of a recording block by block."""
+    lost = list(recording.lost)
 
-    from piezo_ros.identification import compare_hysteresis_models, fit_hysteresis
+    def blocks() -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+        for first in range(start, stop, _BLOCK_SAMPLES):
+            run = recording.part(
+                first, min(first + _BLOCK_SAMPLES, stop), streams=('voltage', 'displacement'))
+            lost.extend(sentence for sentence in run.lost if sentence not in lost)
+            yield run.voltage_v, run.displacement_um[:run.voltage_v.size]
+    try:
+        record = record_of_blocks(blocks(), stop - start, virgin=virgin, every=every)
+    except ValueError as error:
+        raise ValueError(f'{recording.path}: {error}') from None
+    return ReducedRun(recording.path, recording.sample_period_s, tuple(lost), record)
+
+
+def _make(options: argparse.Namespace, runs: list[ReducedRun]) -> Identified:
+    from piezo_ros.identification.hysteresis.hysteresis_fit import fit_hysteresis_records
     if options.elements != 'auto' and not options.elements.isdigit():
         raise ValueError(f"--elements is {options.elements!r}, allowed is a number or 'auto'")
     elements = 'auto' if options.elements == 'auto' else int(options.elements)
-    voltage_v = [run.voltage_v for run in runs]
-    displacement_um = [run.displacement_um for run in runs]
+    records = [run.record for run in runs]
     for run in runs:
-        missing = int((~np.isfinite(run.displacement_um)).sum())
-        if missing:
-            print(f'left out of {run.path.name}: {missing} samples that are no numbers')
-    fit = fit_hysteresis(
-        voltage_v, displacement_um, elements=elements,  # type: ignore[arg-type]
-        virgin=not options.used, range_v=tuple(options.range_v) if options.range_v else None)
-    print(f'{fit.elements} elements, residual {fit.rms_um * 1e3:.3f} nm rms')
+        if run.record.lost:
+            print(f'left out of {run.path.name}: {run.record.lost} samples that are no numbers')
+    fit = fit_hysteresis_records(
+        records, elements=elements,  # type: ignore[arg-type]
+        range_v=tuple(options.range_v) if options.range_v else None)
+    _print(fit)
+    if options.compare:
+        _print_comparison(records, fit.elements)
+    files = {options.output: fit.to_parameter_yaml(
+        source=source(runs), sample_period_s=runs[0].sample_period_s)}
+    return Identified(with_picture(files, options, 'residual_figure', fit), fit.verdict)
+
+
+def _print(fit: HysteresisFit) -> None:
+    asymmetric = ' and an asymmetry' if fit.parameters.asymmetry_weight else ''
+    print(f'{fit.elements} elements{asymmetric}, residual {fit.rms_um * 1e3:.3f} nm rms')
+    print(
+        f'samples: {fit.samples_used} used, {fit.samples_lost} lost; '
+        f'fit {fit.validation.fit_percent:.3f} % on loops held out, '
+        f'whiteness {fit.validation.whiteness:.2f}')
+    print(f'{"amplitude V":>12}{"left of loop %":>16}')
+    for level in fit.validation.levels:
+        print(f'{level.amplitude_v:12.4g}{level.percent:16.3f}')
     if fit.coverage.warning:
         print(f'piezo: warning: {fit.coverage.warning}', file=sys.stderr)
-    if options.compare:
-        print(f'{"model":28}{"parameters":>11}{"rms nm":>10}{"cross-validated nm":>20}')
-        for row in compare_hysteresis_models(
-                voltage_v, displacement_um, elements=fit.elements, virgin=not options.used):
-            print(
-                f'{row.name:28}{row.parameters_count:>11}{row.rms_um * 1e3:>10.2f}'
-                f'{row.cross_validated_rms_um * 1e3:>20.2f}')
-    files = {options.output: fit.to_parameter_yaml(source=source(runs))}
-    return Identified(with_picture(files, options, 'residual_figure', fit))
+
+
+def _print_comparison(records: list[Record], elements: int) -> None:
+    from piezo_ros.identification.hysteresis.model_comparison import compare_records
+    print(f'{"model":28}{"parameters":>11}{"rms nm":>10}{"cross-validated nm":>20}')
+    for row in compare_records(records, elements=elements):
+        print(
+            f'{row.name:28}{row.parameters_count:>11}{row.rms_um * 1e3:>10.2f}'
+            f'{row.cross_validated_rms_um * 1e3:>20.2f}')

@@ -18,7 +18,7 @@ The Bouc-Wen model of hysteresis, rate-independent, from voltage u to displaceme
     x = d u - h + offset,   dh = a du - beta |du| h - gamma du |h|
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import partial
 from typing import Final
 
@@ -33,6 +33,7 @@ __all__ = ['BoucWenModel', 'fit_bouc_wen']
 # The sum of squares has several minima. The starts differ in the voltage over which h decays, as a
 # share of the largest voltage.
 _STARTS: Final = (0.05, 0.2, 0.8)
+_CHUNK_SAMPLES: Final = 4096  # the Jacobian of a chunk stays in the cache of the processor
 
 _Floats = NDArray[np.float64]
 
@@ -40,21 +41,41 @@ _Floats = NDArray[np.float64]
 class BoucWenModel:
     """The model without delay; theta is (d, a, beta, gamma, offset)."""
 
-    def delay(self, theta: _Floats) -> float:
-        """Return zero: the model has no delay, the data must have none."""
-        return 0.0
+    def add(
+        self, record: Record, theta: _Floats, gradient: _Floats, curvature: _Floats,
+    ) -> float:
+        """Add the normal equations of a record, see `RecordModel.add`."""
+        cost = 0.0
+        jacobian = np.empty((_CHUNK_SAMPLES, theta.size))
+        for chunk, predicted, count in self._chunks(record, theta, record.weight, jacobian):
+            used = record.weight[chunk] > 0.0
+            weight = record.weight[chunk][used]
+            residual = (record.displacement_um[chunk] - predicted)[used]
+            rows = jacobian[:count]
+            cost += float(weight @ residual**2)
+            gradient += rows.T @ (weight * residual)
+            curvature += rows.T @ (weight[:, np.newaxis] * rows)
+        return cost
 
-    def initial_state(self) -> tuple[_Floats, ...]:
-        """Return voltage, h and the derivatives of h for a virgin stage, shape (5,)."""
-        return (np.zeros(5),)
+    def predict(self, record: Record, theta: _Floats) -> _Floats:
+        """Return the displacement at every sample, see `RecordModel.predict`."""
+        nothing = np.zeros_like(record.weight)
+        return np.concatenate([
+            predicted.copy() for _, predicted, _ in self._chunks(
+                record, theta, nothing, np.empty((0, theta.size)))])
 
-    def fill(
-        self, state: tuple[_Floats, ...], theta: _Floats, share: float, voltage_v: _Floats,
-        weight: _Floats, prediction_um: _Floats, jacobian: _Floats,
-    ) -> int:
-        """Predict N samples, see `ChunkModel.fill`."""
+    def _chunks(
+        self, record: Record, theta: _Floats, weight: _Floats, jacobian: _Floats,
+    ) -> Iterator[tuple[slice, _Floats, int]]:
+        """Run through a record; yield slice, prediction and number of rows of the Jacobian."""
         from piezo_ros.identification.hysteresis.kernels import bouc_wen_chunk
-        return bouc_wen_chunk(state[0], theta, voltage_v, weight, prediction_um, jacobian)
+        state = np.zeros(5)  # voltage, h and the derivatives of h of a virgin stage
+        prediction = np.empty(_CHUNK_SAMPLES)
+        for first in range(0, weight.size, _CHUNK_SAMPLES):
+            chunk = slice(first, min(first + _CHUNK_SAMPLES, weight.size))
+            part = prediction[:chunk.stop - first]
+            yield chunk, part, bouc_wen_chunk(
+                state, theta, record.voltage_v[chunk], weight[chunk], part, jacobian)
 
 
 def fit_bouc_wen(records: Sequence[Record]) -> _Floats:

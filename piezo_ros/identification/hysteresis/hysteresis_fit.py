@@ -20,8 +20,9 @@ offset) and autocorrelation rho of the residual:
 
     covariance(theta) = (J'J)^(-1) (e'e / (N - m)) (1 + 2 sum_j rho_j)
 
-The sum ends at the first lag where rho is not positive. The standard errors of (kappa, u_S) follow
-by the derivatives of `elements_of_plays`.
+The sum ends at the first lag where rho is not positive. Samples of small loops weigh more, by
+W = diag(w): (J'J)^(-1) is then (J'WJ)^(-1) J'W^2 J (J'WJ)^(-1). The standard errors of (kappa, u_S)
+follow by the derivatives of `elements_of_plays`.
 
 Examples
 --------
@@ -40,159 +41,55 @@ array([0.05, 0.2 ])
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import partial
+from dataclasses import replace
 from typing import Final, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from piezo_ros.identification.hysteresis.asymmetry_fit import AsymmetricFit, fit_asymmetric
+from piezo_ros.identification.hysteresis.element_choice import choose_elements
+from piezo_ros.identification.hysteresis.hysteresis_result import Coverage, HysteresisFit
+from piezo_ros.identification.hysteresis.levels import level_errors, weighted_by_amplitude
 from piezo_ros.identification.hysteresis.mrc_fit import (
-    MrcFit,
     PlayModel,
+    drift_rate,
     elements_of_plays,
     fit_mrc,
+    number_of_plays,
     play_bounds,
 )
-from piezo_ros.identification.hysteresis.mrc_start import Preparation, prepare, thinned
-from piezo_ros.identification.hysteresis.parameter_file import parameter_yaml
+from piezo_ros.identification.hysteresis.mrc_start import Preparation, prepare
 from piezo_ros.identification.hysteresis.records import (
     Record,
+    accumulate,
     concatenated_residual,
-    cross_validate,
     make_records,
-    predict,
+    reduced,
+    refuse_single_branches,
+)
+from piezo_ros.identification.hysteresis.validation import (
+    GOOD_PERCENT,
+    Validation,
+    validate,
+    verdict_of,
 )
 from piezo_ros.model.hysteresis import HysteresisParameters
-from piezo_ros.model.hysteresis_and_inverse import MaxwellResistiveCapacitor
 
-__all__ = ['Coverage', 'HysteresisFit', 'fit_hysteresis']
+__all__ = ['Coverage', 'HysteresisFit', 'fit_hysteresis', 'fit_hysteresis_records']
 
-_MOST_ELEMENTS: Final = 50
-_MOST_AUTOMATIC_ELEMENTS: Final = 16
-# The search ends after so many numbers of elements in a row without an improvement.
-_PATIENCE: Final = 3
-# Share of the least cross-validated error up to which fewer elements are preferred.
-_SUFFICIENT: Final = 1.01
+_MOST_ELEMENTS: Final = 160
+_RICH_ELEMENTS: Final = 24  # whether more elements would help is tried with so many
 _FOLD_STEPS: Final = 20  # a fold starts from the fit to all data
+_FOLD_ROUNDS: Final = 2
+# An asymmetry or a drift is looked for where the elements leave more than that of a loop, and taken
+# where it leaves at most this share of it.
+_FURTHER_PERCENT: Final = 0.1
+_FURTHER_GAIN: Final = 0.7
+_DRIFT_STEPS: Final = 3
+_SIGNIFICANT: Final = 5.0  # standard errors
 
 _Floats = NDArray[np.float64]
-
-
-class Coverage(NamedTuple):
-    """
-    The range of voltage that the excitation covers, and the one in which the model will be used.
-
-    Attributes
-    ----------
-    minimum_v, maximum_v : float
-        Excited voltages.
-    minimum_um, maximum_um : float
-        Measured displacements.
-    wanted_v : tuple of float
-        Lowest and highest voltage of use; the excited ones where none were given.
-
-    """
-
-    minimum_v: float
-    maximum_v: float
-    minimum_um: float
-    maximum_um: float
-    wanted_v: tuple[float, float]
-
-    @property
-    def warning(self) -> str:
-        """The part that is not covered, in one sentence; empty if there is none."""
-        low, high = self.wanted_v
-        if self.minimum_v <= low and high <= self.maximum_v:
-            return ''
-        return (
-            f'the excitation covers {self.minimum_v:g} … {self.maximum_v:g} V of the '
-            f'{low:g} … {high:g} V asked for; beyond it the model is a straight line without '
-            'hysteresis')
-
-
-@dataclass(frozen=True, kw_only=True)
-class HysteresisFit:
-    """
-    An identified MRC hysteresis.
-
-    Attributes
-    ----------
-    parameters : HysteresisParameters
-        The elements in the order in which they saturate; always monotone and invertible.
-    kappa_standard_error_um_per_v : ndarray, shape (n + 1,)
-        Standard errors of the compliances; NaN for an element that the data do not need.
-    saturation_standard_error_v : ndarray, shape (n,)
-        Standard errors of the saturation voltages, likewise.
-    delay_samples : float
-        Samples by which the displacement lags behind the voltage; not part of the parameters.
-    offset_um : float
-        Displacement at rest; not part of the parameters.
-    voltage_v, displacement_um : ndarray, shape (N,)
-        The data, all runs concatenated.
-    residual_um : ndarray, shape (N,)
-        Measured minus predicted displacement; NaN where a sample was left out.
-    rms_um : float
-        Root mean square of the residual.
-    coverage : Coverage
-        The range of the excitation; its `warning` names the part that is missing.
-    cross_validated_rms_um : dict of int to float
-        Number of elements to cross-validated rms error, where the number was chosen.
-
-    """
-
-    parameters: HysteresisParameters
-    kappa_standard_error_um_per_v: _Floats
-    saturation_standard_error_v: _Floats
-    delay_samples: float
-    offset_um: float
-    voltage_v: _Floats
-    displacement_um: _Floats
-    residual_um: _Floats
-    rms_um: float
-    coverage: Coverage
-    cross_validated_rms_um: dict[int, float]
-
-    @property
-    def elements(self) -> int:
-        """Number n of voltage-limited elements."""
-        return len(self.parameters.saturation_v)
-
-    @property
-    def model(self) -> MaxwellResistiveCapacitor:
-        """The operator, forward and inverse."""
-        return MaxwellResistiveCapacitor(
-            self.parameters.kappa_um_per_v, self.parameters.saturation_v)
-
-    def to_parameter_yaml(self, *, source: str) -> str:
-        """
-        Return a ROS parameter file for the compensator node.
-
-        Parameters
-        ----------
-        source : str
-            Where the data come from, usually the bag.
-
-        Returns
-        -------
-        str
-            YAML; the numbers are bit-equal to `parameters`.
-
-        """
-        used = int(np.isfinite(self.residual_um).sum())
-        notes = [
-            f'source: {source}',
-            f'residual: {1e3 * self.rms_um:.4g} nm rms, {used} of {self.residual_um.size} samples',
-            f'excitation: {self.coverage.minimum_v:.4g} to {self.coverage.maximum_v:.4g} V',
-            f'removed delay: {self.delay_samples:.4g} samples',
-            f'removed offset: {1e3 * self.offset_um:.4g} nm',
-        ]
-        if self.coverage.warning:
-            notes.append(f'WARNING: {self.coverage.warning}')
-        return parameter_yaml(
-            self.parameters, self.kappa_standard_error_um_per_v,
-            self.saturation_standard_error_v, notes)
 
 
 def fit_hysteresis(
@@ -213,8 +110,8 @@ def fit_hysteresis(
     displacement_um : array_like, shape (N,), or sequence of such
         Measured displacement; values that are not finite are left out.
     elements : int or 'auto', optional
-        Number n of voltage-limited elements, 1 to 50; 'auto' takes the smallest one (up to 16) with
-        a cross-validated error within 1 % of the least.
+        Number n of voltage-limited elements, 1 to 160; 'auto' takes the smallest one (up to 24)
+        that is as good as any at every amplitude, by cross-validation.
     virgin : bool, optional
         Whether each run starts from a virgin stage. If not, samples before the largest voltage,
         which erases the earlier history, are left out.
@@ -232,63 +129,204 @@ def fit_hysteresis(
         If the data are not sufficient for an identification, or an argument is out of range.
 
     """
+    records = make_records(voltage_v, displacement_um, virgin=virgin)
+    return fit_hysteresis_records(records, elements=elements, range_v=range_v)
+
+
+def fit_hysteresis_records(
+    records: Sequence[Record], *, elements: int | Literal['auto'] = 10,
+    range_v: tuple[float, float] | None = None,
+) -> HysteresisFit:
+    """
+    Identify the hysteresis from records that are checked already, see `fit_hysteresis`.
+
+    Parameters
+    ----------
+    records : sequence of Record
+        The data, maybe reduced.
+    elements, range_v
+        As for `fit_hysteresis`.
+
+    """
     if elements != 'auto' and not (
             isinstance(elements, int) and 1 <= elements <= _MOST_ELEMENTS):
         raise ValueError(f"elements is {elements!r}, allowed is 1 … {_MOST_ELEMENTS} or 'auto'")
     if range_v is not None and not range_v[0] < range_v[1]:
         raise ValueError(f'range_v is {range_v}, the first value must be below the second')
-    records = make_records(voltage_v, displacement_um, virgin=virgin)
+    refuse_single_branches(records)
+    few = [reduced(record) for record in records]
+    weighted = weighted_by_amplitude(few)
     errors: dict[int, float] = {}
     if elements == 'auto':
-        elements, errors = _choose_elements(
-            prepare(records, range(1, _MOST_AUTOMATIC_ELEMENTS + 1), virgin=virgin))
-    preparation = prepare(records, [elements], virgin=virgin)
-    fit = fit_mrc(preparation.records, preparation.starts[elements], preparation.delay_bounds)
-    return _result(preparation, fit, range_v, errors)
+        elements, errors = choose_elements(weighted)
+    best = _candidate(few, weighted, elements)
+    if best.validation.worst_percent > _FURTHER_PERCENT:
+        best = _better_candidate(best, weighted)
+    richer = None
+    if best.validation.worst_percent > GOOD_PERCENT and elements < _RICH_ELEMENTS:
+        richer = _RICH_ELEMENTS, _rich_error(best)
+    return _result(records, best, range_v, errors, richer)
 
 
-def _choose_elements(preparation: Preparation) -> tuple[int, dict[int, float]]:
-    """Return the smallest sufficient number of elements, and the error of each number tried."""
-    records = thinned(preparation.records)
-    errors: dict[int, float] = {}
-    for elements in sorted(preparation.starts):
-        folds = cross_validate(records, partial(_fit_and_predict, preparation, elements))
-        errors[elements] = math.sqrt(float(folds.mean()))
-        chosen = _smallest_sufficient(errors)
-        if elements - chosen >= _PATIENCE:
+class _Candidate(NamedTuple):
+    """A fit, the records that it is for (less a drift, um per sample) and its validation."""
+
+    few: list[Record]
+    preparation: Preparation
+    fit: AsymmetricFit
+    validation: Validation
+    drift_um: float = 0.0
+
+
+def _candidate(
+    few: list[Record], weighted: list[Record], elements: int, drift_um: float = 0.0,
+) -> _Candidate:
+    """Return the symmetric fit of records with a drift that is known."""
+    few, weighted = _without_drift(few, drift_um), _without_drift(weighted, drift_um)
+    preparation, fit = _best_symmetric(few, weighted, elements)
+    return _Candidate(few, preparation, fit, _validation(few, preparation, fit), drift_um)
+
+
+def _better_candidate(plain: _Candidate, weighted: list[Record]) -> _Candidate:
+    """Return the fit with an asymmetry or without a drift, where the data ask for it."""
+    best = plain
+    asymmetric = fit_asymmetric(
+        plain.preparation.records, plain.fit, plain.preparation.delay_bounds)
+    if asymmetric is not None:
+        validation = _validation(plain.few, plain.preparation, asymmetric)
+        best = _better(best, plain._replace(fit=asymmetric, validation=validation))
+    elements = number_of_plays(plain.fit.theta)
+    steady, drift_um = plain, 0.0
+    for _ in range(_DRIFT_STEPS):
+        change_um, error_um = drift_rate(steady.preparation.records, steady.fit.theta)
+        if abs(change_um) < _SIGNIFICANT * error_um:
             break
-    return chosen, errors
+        drift_um += change_um
+        steady = _candidate(
+            _without_drift(steady.few, -steady.drift_um), weighted, elements, drift_um)
+    if not drift_um:
+        return best
+    samples = max(float(np.ptp(record.index)) for record in plain.few)
+    found = (f'a drift of {1e3 * drift_um * samples:.3g} nm over the record is taken out',)
+    return _better(best, steady._replace(validation=replace(
+        steady.validation, findings=found + steady.validation.findings)))
 
 
-def _smallest_sufficient(errors: dict[int, float]) -> int:
-    limit = _SUFFICIENT * min(errors.values())
-    return min(elements for elements, error in errors.items() if error <= limit)
+def _better(simple: _Candidate, other: _Candidate) -> _Candidate:
+    one, two = simple.validation, other.validation
+    is_better = two.worst_percent < _FURTHER_GAIN * one.worst_percent and (
+        two.fit_percent > one.fit_percent)
+    return other if is_better else simple
 
 
-def _fit_and_predict(
-    preparation: Preparation, elements: int, records: Sequence[Record],
-) -> list[_Floats]:
+def _without_drift(records: Sequence[Record], drift_um: float) -> list[Record]:
+    return [
+        replace(record, displacement_um=record.displacement_um - drift_um * record.index)
+        for record in records] if drift_um else list(records)
+
+
+def _best_symmetric(
+    few: Sequence[Record], weighted: Sequence[Record], elements: int,
+) -> tuple[Preparation, AsymmetricFit]:
+    """
+    Return the best MRC fit with more weight on small loops, and the records that it is for.
+
+    The sum of squares has several minima: the search starts where the large loops have their
+    plays, and where the small ones have them.
+    """
+    virgin = few[0].virgin
+    plain = prepare(few, [elements], virgin=virgin)
+    of_small = prepare(weighted, [elements], virgin=virgin)
+    preparation = of_small._replace(delay_bounds=plain.delay_bounds)
+    return preparation, min(
+        (_symmetric(preparation, start.starts[elements]) for start in (plain, of_small)),
+        key=lambda fit: fit.normal.cost)
+
+
+def _symmetric(
+    preparation: Preparation, start: _Floats, steps: int = 200,
+    records: Sequence[Record] | None = None,
+) -> AsymmetricFit:
+    """Return the MRC fit, as one without a map."""
     fit = fit_mrc(
-        records, preparation.starts[elements], preparation.delay_bounds, _FOLD_STEPS)
-    return predict(PlayModel(elements), records, fit.theta)
+        preparation.records if records is None else records, start, preparation.delay_bounds, steps)
+    return AsymmetricFit.symmetric(fit)
+
+
+def _validation(
+    few: Sequence[Record], preparation: Preparation, fit: AsymmetricFit,
+) -> Validation:
+    """Validate a fit on the samples that count for it, without the weight on small loops."""
+    level = {
+        id(record.voltage_v): settled.weight / np.maximum(record.weight, 1e-300)
+        for record, settled in zip(few, preparation.records, strict=True)}
+
+    def fit_and_predict(training: Sequence[Record]) -> list[_Floats]:
+        weighted = [
+            replace(record, weight=record.weight * level[id(record.voltage_v)])
+            for record in training]
+        found: AsymmetricFit | None
+        if fit.weight.size:
+            found = fit_asymmetric(
+                weighted, fit, preparation.delay_bounds, _FOLD_ROUNDS)
+        else:
+            found = _symmetric(preparation, fit.theta, _FOLD_STEPS, weighted)
+        return (found or fit).predict(training)
+    return validate(_settled(few, preparation), fit_and_predict)
+
+
+def _settled(few: Sequence[Record], preparation: Preparation) -> list[Record]:
+    """Return the records without what is left out after turns, each sample counting as one."""
+    return [
+        replace(record, weight=np.where(settled.weight > 0.0, record.weight, 0.0))
+        for record, settled in zip(few, preparation.records, strict=True)]
+
+
+def _rich_error(best: _Candidate) -> float:
+    """Return what is left of a loop with more elements, percent."""
+    few = best.few
+    preparation = prepare(
+        weighted_by_amplitude(few), [_RICH_ELEMENTS], virgin=few[0].virgin)
+    fit = _symmetric(preparation, preparation.starts[_RICH_ELEMENTS], _FOLD_STEPS)
+    if best.fit.weight.size:
+        fit = fit_asymmetric(preparation.records, fit, preparation.delay_bounds) or fit
+    records = _settled(few, preparation)
+    levels = level_errors(
+        records, concatenated_residual(records, fit.predict(records)),
+        best.validation.noise_rms_um)
+    return replace(best.validation, levels=tuple(levels)).worst_percent
 
 
 def _result(
-    preparation: Preparation, fit: MrcFit, range_v: tuple[float, float] | None,
-    errors: dict[int, float],
+    records: Sequence[Record], best: _Candidate, range_v: tuple[float, float] | None,
+    errors: dict[int, float], richer: tuple[int, float] | None,
 ) -> HysteresisFit:
-    records = preparation.records
-    residual = concatenated_residual(
-        records, predict(PlayModel(fit.theta.size // 2 - 1), records, fit.theta))
+    few, preparation, fit, validation, drift_um = best
+    settled = _settled(few, preparation)
+    residual_of_few = concatenated_residual(settled, fit.predict(settled))
+    whole = _without_drift(records, drift_um)
+    if all(record.voltage_v is other.voltage_v for record, other in zip(
+            records, few, strict=True)):
+        whole = settled
+    residual = concatenated_residual(whole, fit.predict(whole))
+    weight = np.concatenate([record.weight for record in settled])
+    known = np.isfinite(residual_of_few)
+    cost = float(np.sum(weight[known] * residual_of_few[known] ** 2))
     voltage = np.concatenate([record.voltage_v for record in records])
     displacement = np.concatenate([record.displacement_um for record in records])
     measured = np.concatenate([record.measured for record in records])
     kappa, saturation, jacobian = elements_of_plays(fit.theta)
-    deviation = _standard_errors(preparation, fit, residual[np.isfinite(residual)], jacobian)
+    variance = cost / max(int(known.sum()) - fit.theta.size, 1) * _correlation_samples(
+        residual_of_few[known] * np.sqrt(weight[known]))
+    deviation = _standard_errors(preparation, settled, fit, variance, jacobian)
     low, high = float(voltage.min()), float(voltage.max())
+    coverage = Coverage(
+        low, high, float(displacement[measured].min()), float(displacement[measured].max()),
+        (low, high) if range_v is None else range_v)
     return HysteresisFit(
         parameters=HysteresisParameters(
-            kappa_um_per_v=tuple(kappa), saturation_v=tuple(saturation)),
+            kappa_um_per_v=tuple(kappa), saturation_v=tuple(saturation),
+            asymmetry_threshold_um=tuple(fit.threshold_um), asymmetry_weight=tuple(fit.weight)),
         kappa_standard_error_um_per_v=deviation[:kappa.size],
         saturation_standard_error_v=deviation[kappa.size:],
         delay_samples=float(fit.theta[-2]),
@@ -296,20 +334,26 @@ def _result(
         voltage_v=voltage,
         displacement_um=np.where(measured, displacement, np.nan),
         residual_um=residual,
-        rms_um=math.sqrt(fit.normal.cost / fit.normal.samples),
-        coverage=Coverage(
-            low, high, float(displacement[measured].min()), float(displacement[measured].max()),
-            (low, high) if range_v is None else range_v),
-        cross_validated_rms_um=errors)
+        rms_um=math.sqrt(cost / max(int(known.sum()), 1)),
+        coverage=coverage,
+        cross_validated_rms_um=errors,
+        drift_um_per_sample=drift_um,
+        validation=validation,
+        verdict=verdict_of(
+            validation, kappa.size - 1, richer, delay_samples=float(fit.theta[-2]),
+            coverage_warning=coverage.warning),
+        samples_used=round(float(weight[known].sum())),
+        samples_lost=sum(record.lost for record in records))
 
 
 def _standard_errors(
-    preparation: Preparation, fit: MrcFit, residual: _Floats, jacobian: _Floats,
+    preparation: Preparation, settled: Sequence[Record], fit: AsymmetricFit, variance: float,
+    jacobian: _Floats,
 ) -> _Floats:
-    """Return the standard errors of (kappa, u_S), with the correlation of the residual."""
-    theta, normal = fit
-    plays = theta.size // 2 - 1
-    reach_v = max(float(np.max(np.abs(record.voltage_v))) for record in preparation.records)
+    """Return the standard errors of (kappa, u_S), for a variance of the residual's samples."""
+    theta, normal = fit.theta, fit.normal
+    plays = number_of_plays(theta)
+    reach_v = max(record.reach_v for record in preparation.records)
     lower, upper = play_bounds(theta, reach_v, preparation.delay_bounds)
     free = (theta > lower) & (theta < upper) & (np.diag(normal.curvature) > 0.0)
     # A play at its smallest share is undetermined, both its compliance and its threshold.
@@ -318,14 +362,17 @@ def _standard_errors(
     free[plays + 1:2 * plays + 1] = known
     # Each parameter scaled by its sensitivity: the matrix to invert is better conditioned.
     length = np.sqrt(np.diag(normal.curvature)[free])
-    inverse = np.linalg.pinv(
-        normal.curvature[np.ix_(free, free)] / np.outer(length, length), hermitian=True)
-    covariance = (
-        inverse / np.outer(length, length) * _correlation_samples(residual)
-        * normal.cost / max(normal.samples - int(free.sum()), 1))
+    scale = np.outer(length, length)
+    inverse = np.linalg.pinv(normal.curvature[np.ix_(free, free)] / scale, hermitian=True)
+    # A mean of w samples has a w-th of the variance: w stands once in J'W^2 J, the rest squared.
+    squared = accumulate(PlayModel(plays), [
+        replace(record, weight=record.weight**2 / np.maximum(sample.weight, 1e-300))
+        for record, sample in zip(preparation.records, settled, strict=True)], theta)
+    covariance = inverse @ (
+        squared.curvature[np.ix_(free, free)] / scale) @ inverse / scale * variance
     of_free = jacobian[:, free]
-    variance = np.einsum('ij,jk,ik->i', of_free, covariance, of_free)
-    deviation = np.sqrt(np.maximum(variance, 0.0))
+    spread = np.einsum('ij,jk,ik->i', of_free, covariance, of_free)
+    deviation = np.sqrt(np.maximum(spread, 0.0))
     deviation[:plays][~known] = np.nan
     deviation[plays + 1:][~known] = np.nan
     return np.asarray(deviation)

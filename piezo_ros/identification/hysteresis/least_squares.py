@@ -44,6 +44,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve
 
 __all__ = ['NormalEquations', 'minimise']
 
@@ -137,5 +138,9 @@ def _step(
     curvature = normal.curvature[np.ix_(free, free)] * np.outer(scale, scale)
     curvature[np.diag_indices_from(curvature)] += damping
     step = np.zeros_like(theta)
-    step[free] = scale * np.linalg.lstsq(curvature, scale * normal.gradient[free], rcond=None)[0]
+    gradient = scale * normal.gradient[free]
+    try:
+        step[free] = scale * cho_solve(cho_factor(curvature), gradient)
+    except np.linalg.LinAlgError:  # not positive definite, by rounding
+        step[free] = scale * np.linalg.lstsq(curvature, gradient, rcond=None)[0]
     return step

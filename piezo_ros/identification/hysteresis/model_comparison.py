@@ -27,19 +27,21 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from piezo_ros.identification.hysteresis.bouc_wen import BoucWenModel, fit_bouc_wen
-from piezo_ros.identification.hysteresis.mrc_fit import PlayModel, fit_mrc
+from piezo_ros.identification.hysteresis.mrc_fit import (
+    PlayModel,
+    fit_mrc,
+    fit_prandtl_ishlinskii,
+)
 from piezo_ros.identification.hysteresis.mrc_start import prepare
-from piezo_ros.identification.hysteresis.prandtl_ishlinskii import fit_prandtl_ishlinskii
 from piezo_ros.identification.hysteresis.records import (
     Record,
     concatenated_residual,
     cross_validate,
-    delayed,
     make_records,
     predict,
 )
 
-__all__ = ['ModelScore', 'compare_hysteresis_models']
+__all__ = ['ModelScore', 'compare_hysteresis_models', 'compare_records']
 
 _POLYNOMIAL_DEGREE: Final = 5
 
@@ -107,8 +109,23 @@ def compare_hysteresis_models(
         If the data are not sufficient for an identification.
 
     """
-    preparation = prepare(
-        make_records(voltage_v, displacement_um, virgin=virgin), [elements], virgin=virgin)
+    return compare_records(
+        make_records(voltage_v, displacement_um, virgin=virgin), elements=elements)
+
+
+def compare_records(records: Sequence[Record], *, elements: int = 10) -> list[ModelScore]:
+    """
+    Fit several hysteresis models to records that are checked already.
+
+    Parameters
+    ----------
+    records : sequence of Record
+        The data, maybe reduced.
+    elements : int, optional
+        As for `compare_hysteresis_models`.
+
+    """
+    preparation = prepare(records, [elements], virgin=records[0].virgin)
     records = preparation.records
     whole = fit_mrc(records, preparation.starts[elements], preparation.delay_bounds)
     delay = float(whole.theta[-2])
@@ -143,16 +160,15 @@ def _score(
     return ModelScore(
         name=name, parameters_count=parameters_count,
         rms_um=math.sqrt(float(np.nanmean(residual**2))),
-        cross_validated_rms_um=math.sqrt(float(cross_validate(records, fit_and_predict).mean())),
+        cross_validated_rms_um=math.sqrt(float(cross_validate(records, fit_and_predict)[0].mean())),
         residual_um=residual)
 
 
 def _without_delay(records: Sequence[Record], delay_samples: float) -> list[Record]:
-    free = []
-    for record in records:
-        later, share = delayed(record.voltage_v, delay_samples)
-        free.append(replace(record, voltage_v=later[:-1] + share * np.diff(later)))
-    return free
+    return [
+        replace(record, voltage_v=np.interp(
+            record.index - delay_samples, record.index, record.voltage_v))
+        for record in records]
 
 
 def _polynomial(records: Sequence[Record]) -> list[_Floats]:

@@ -41,6 +41,7 @@ array([0.666667])
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any, Final, NamedTuple
 
@@ -48,14 +49,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from piezo_ros.identification.hysteresis.least_squares import NormalEquations, minimise
-from piezo_ros.identification.hysteresis.records import Record, accumulate
+from piezo_ros.identification.hysteresis.records import Record, accumulate, predict
 
 __all__ = [
     'MrcFit',
     'PlayModel',
+    'drift_rate',
     'elements_of_plays',
     'fit_mrc',
     'fit_plays',
+    'fit_prandtl_ishlinskii',
     'number_of_plays',
     'play_bounds',
 ]
@@ -72,23 +75,22 @@ class PlayModel(NamedTuple):
 
     plays: int
 
-    def delay(self, theta: _Floats) -> float:
-        """Return the samples by which the displacement lags behind the voltage."""
-        return float(theta[-2])
+    def add(
+        self, record: Record, theta: _Floats, gradient: _Floats, curvature: _Floats,
+    ) -> float:
+        """Add the normal equations of a record, see `RecordModel.add`."""
+        from piezo_ros.identification.hysteresis.kernels import add_play_equations
+        return add_play_equations(
+            theta, record.index, record.voltage_v, record.displacement_um, record.weight,
+            gradient, curvature, np.empty(10 * theta.size + 9))
 
-    def initial_state(self) -> tuple[_Floats, ...]:
-        """Return plays, their derivatives, last voltage and displacement of a virgin stage."""
-        return np.zeros(self.plays), np.zeros(self.plays), np.zeros(2)
-
-    def fill(
-        self, state: tuple[_Floats, ...], theta: _Floats, share: float, voltage_v: _Floats,
-        weight: _Floats, prediction_um: _Floats, jacobian: _Floats,
-    ) -> int:
-        """Predict N samples, see `ChunkModel.fill`."""
-        from piezo_ros.identification.hysteresis.kernels import play_chunk
-        play_v, by_threshold, last = state
-        return play_chunk(
-            play_v, by_threshold, last, theta, share, voltage_v, weight, prediction_um, jacobian)
+    def predict(self, record: Record, theta: _Floats) -> _Floats:
+        """Return the displacement at every sample, see `RecordModel.predict`."""
+        from piezo_ros.identification.hysteresis.kernels import play_predictions
+        prediction_um = np.empty(record.voltage_v.size)
+        play_predictions(
+            theta, record.index, record.voltage_v, prediction_um, np.empty(3 * self.plays + 1))
+        return prediction_um
 
 
 class MrcFit(NamedTuple):
@@ -161,10 +163,88 @@ def fit_plays(
         As for `fit_mrc`.
 
     """
-    reach_v = max(float(np.max(np.abs(record.voltage_v))) for record in records)
+    reach_v = max(record.reach_v for record in records)
     return minimise(
         partial(accumulate, PlayModel(number_of_plays(start)), records), start,
         *play_bounds(start, reach_v, delay_bounds), maximum_steps)
+
+
+def drift_rate(records: Sequence[Record], theta: _Floats) -> tuple[float, float]:
+    """
+    Return how fast the displacement drifts beside the plays, and the standard error.
+
+    One step of least squares with all parameters of the plays adapted: with t the time, e the
+    residual, A = J'WJ and g = J'Wt it is t'We / (t'Wt - g'A^(-1)g).
+
+    Parameters
+    ----------
+    records : sequence of Record
+        The data.
+    theta : ndarray, shape (2n + 3,)
+        The best plays without drift.
+
+    Returns
+    -------
+    rate_um, standard_error_um : float
+        Micrometres per sample of the recording.
+
+    """
+    model = PlayModel(number_of_plays(theta))
+    normal = accumulate(model, records, theta)
+    late = accumulate(model, [
+        replace(record, displacement_um=record.displacement_um + record.index)
+        for record in records], theta)
+    with_time = late.gradient - normal.gradient
+    squares, product, weights, size = 0.0, 0.0, 0.0, 0.0
+    for record, predicted in zip(records, predict(model, records, theta), strict=True):
+        weight, time = record.weight, record.index
+        squares += float(np.sum(weight * time**2))
+        product += float(np.sum(weight * time * (record.displacement_um - predicted)))
+        weights += float(np.sum(weight**2))
+        size += float(np.sum(weight))
+    length = np.sqrt(np.maximum(np.diag(normal.curvature), 1e-300))
+    scaled = with_time / length
+    inner = np.linalg.pinv(normal.curvature / np.outer(length, length), 1e-10, hermitian=True)
+    free = squares - float(scaled @ inner @ scaled)
+    if free <= 1e-9 * squares:
+        return 0.0, np.inf
+    variance = normal.cost / size * weights / size
+    return product / free, float(np.sqrt(variance / free))
+
+
+def fit_prandtl_ishlinskii(
+    records: Sequence[Record], plays: int, delay_samples: float,
+) -> NDArray[np.float64]:
+    """
+    Fit the Prandtl-Ishlinskii model as it is commonly used: the weights of equally spaced plays.
+
+        x = p_0 u + sum_i p_i P[r_i](u),   r_i = i max|u| / (n + 1),   p_i >= 0
+
+    Parameters
+    ----------
+    records : sequence of Record
+        The data.
+    plays : int
+        Number n of plays beside the linear term.
+    delay_samples : float
+        Delay of the displacement.
+
+    Returns
+    -------
+    ndarray, shape (2n + 3,)
+        Parameters of a `PlayModel`.
+
+    """
+    reach_v = max(record.reach_v for record in records)
+    reach_um = max(
+        float(np.max(np.abs(record.displacement_um * record.weight))) for record in records)
+    thresholds = np.arange(1, plays + 1) * (reach_v / (plays + 1))
+    start = np.concatenate((
+        np.full(plays + 1, reach_um / reach_v / (plays + 1)), thresholds, [delay_samples, 0.0]))
+    lower, upper = play_bounds(start, reach_v, (delay_samples, delay_samples))
+    lower[plays + 1:-2] = upper[plays + 1:-2] = thresholds
+    theta, _ = minimise(partial(accumulate, PlayModel(plays), records), start, lower, upper)
+    return theta
 
 
 def play_bounds(

@@ -43,6 +43,8 @@ from piezo_ros.identification.hysteresis.records import Record, reversals_of
 __all__ = ['Preparation', 'plays_of_rising_curve', 'prepare', 'rising_curve', 'thinned']
 
 _GRID: Final = 200
+# A virgin curve that ends below this share of the largest voltage says nothing of the wide plays.
+_LARGE_CURVE: Final = 0.8
 # The search starts from more plays than wanted and removes the weakest one by one.
 _RICH_PLAYS: Final = 20
 _EXTRA_PLAYS: Final = 8
@@ -183,8 +185,8 @@ def rising_curve(record: Record, *, virgin: bool = True) -> tuple[_Floats, _Floa
     record : Record
         The data.
     virgin : bool, optional
-        Whether it starts with that curve. If not, the branch that starts at the largest voltage is
-        used: it is the virgin curve at twice the scale.
+        Whether it starts with that curve. If not, or if it ends far below the largest voltage, the
+        branch that starts there is used: it is the virgin curve at twice the scale.
 
     Returns
     -------
@@ -198,6 +200,11 @@ def rising_curve(record: Record, *, virgin: bool = True) -> tuple[_Floats, _Floa
 
     """
     voltage, reversals = record.voltage_v, reversals_of(record.voltage_v)
+    first = voltage[:reversals[0] + 1] if reversals.size else voltage
+    largest = int(np.argmax(np.abs(voltage)))
+    if virgin and np.any(reversals > largest) and (
+            np.max(np.abs(first)) < _LARGE_CURVE * abs(voltage[largest])):
+        virgin = False  # the curve of a loop that is much smaller than others
     begin = 0 if virgin else int(np.argmax(np.abs(voltage)))
     later = reversals[reversals > begin]
     end = int(later[0]) if later.size else voltage.size - 1
@@ -296,7 +303,9 @@ def _without_turns(records: Sequence[Record], delay_samples: float) -> list[Reco
     for record in records:
         weight = record.weight.copy()
         for turn in (0, *reversals_of(record.voltage_v)):
-            weight[max(turn - 1, 0):turn + settling] = 0.0
+            begin, end = np.searchsorted(
+                record.index, record.index[turn] + np.array([-1.0, settling]))
+            weight[begin:end] = 0.0
         if weight.sum() < 0.5 * record.weight.sum():
             return list(records)  # too many turns: too few samples would be left to fit
         kept.append(replace(record, weight=weight))

@@ -14,16 +14,19 @@
 
 """The ROS parameter file of the compensator, with the standard errors as comments."""
 
-from collections.abc import Sequence
+import json
+from collections.abc import Mapping, Sequence
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from piezo_ros.identification.yaml_text import yaml_list
+from piezo_ros.identification.hysteresis.validation import Validation
+from piezo_ros.identification.verdict import Verdict
+from piezo_ros.identification.yaml_text import yaml_list, yaml_number
 from piezo_ros.model.hysteresis import HysteresisParameters
 
-__all__ = ['parameter_yaml']
+__all__ = ['identified_facts', 'parameter_yaml']
 
 _FORMAT_VERSION: Final = 1
 
@@ -33,6 +36,7 @@ _Floats = NDArray[np.float64]
 def parameter_yaml(
     parameters: HysteresisParameters, kappa_standard_error_um_per_v: _Floats,
     saturation_standard_error_v: _Floats, notes: Sequence[str],
+    facts: Mapping[str, object] | None = None,
 ) -> str:
     """
     Return the text of a parameter file for the compensator.
@@ -47,6 +51,8 @@ def parameter_yaml(
         Standard errors of the saturation voltages.
     notes : sequence of str
         Comments at the top.
+    facts : mapping of str to value, optional
+        What stands in a section of its own, which no node reads.
 
     Returns
     -------
@@ -66,13 +72,59 @@ def parameter_yaml(
             parameters.kappa_um_per_v, kappa_standard_error_um_per_v, [*limits, ''], strict=True)):
         lines.append(f'{i + 1:3d}  {value:14.6g} +- {_error_text(error)}{limit}')
     comments = [f'# {line}'.rstrip() for line in lines]
-    return '\n'.join([
-        *comments,
-        '/**/compensator:',
-        '  ros__parameters:',
-        f'    kappa_um_per_v: {yaml_list(parameters.kappa_um_per_v)}',
-        f'    saturation_v: {yaml_list(parameters.saturation_v)}',
-        ''])
+    values = {'kappa_um_per_v': parameters.kappa_um_per_v, 'saturation_v': parameters.saturation_v}
+    if parameters.asymmetry_threshold_um:  # an empty list has no type in ROS
+        values['asymmetry_threshold_um'] = parameters.asymmetry_threshold_um
+        values['asymmetry_weight'] = parameters.asymmetry_weight
+    sections = [*_section('compensator', values)]
+    if facts:
+        sections += _section('identified_hysteresis', facts)
+    return '\n'.join([*comments, *sections, ''])
+
+
+def identified_facts(
+    validation: Validation, verdict: Verdict, *, rms_um: float, samples_used: int,
+    samples_lost: int, delay_samples: float, offset_um: float, range_v: tuple[float, float],
+    drift_um_per_sample: float = 0.0, sample_period_s: float | None = None,
+) -> dict[str, object]:
+    """Return what later steps read of an identification, names with units to values."""
+    return {
+        'verdict': str(verdict),
+        'samples_used': samples_used,
+        'samples_lost': samples_lost,
+        'fit_percent': float(validation.fit_percent),
+        'residual_rms_um': rms_um,
+        'noise_rms_um': float(validation.noise_rms_um),
+        'whiteness': float(validation.whiteness),
+        'largest_residual_percent': validation.worst_percent,
+        'amplitude_levels_v': [level.amplitude_v for level in validation.levels],
+        'amplitude_residual_percent': [level.percent for level in validation.levels],
+        'amplitude_uncertainty_percent': [
+            level.uncertainty_percent for level in validation.levels],
+        'findings': '; '.join(validation.findings),
+        'delay_samples': delay_samples,
+        'drift_um_per_sample': drift_um_per_sample,
+        **({} if sample_period_s is None else {'delay_s': delay_samples * sample_period_s}),
+        'offset_um': offset_um,
+        'minimum_v': range_v[0],
+        'maximum_v': range_v[1],
+    }
+
+
+def _section(node: str, values: Mapping[str, object]) -> list[str]:
+    return [f'/**/{node}:', '  ros__parameters:', *(
+        f'    {name}: {_yaml(value)}' for name, value in values.items())]
+
+
+def _yaml(value: object) -> str:
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False)
+    if isinstance(value, int):
+        return str(value)
+    if isinstance(value, float):
+        return yaml_number(value)
+    assert isinstance(value, Sequence)
+    return yaml_list(value)
 
 
 def _error_text(error: float) -> str:

@@ -13,18 +13,13 @@
 # limitations under the License.
 
 """
-Recorded runs as the hysteresis fits need them: checks, delay, normal equations, cross-validation.
-
-A displacement that lags by d samples behind the voltage, n = floor(d):
-
-    x(k - d) = x_{k-n-1} + s (x_{k-n} - x_{k-n-1}),   s = 1 - (d - n)
+Recorded runs as the hysteresis fits need them: checks, normal equations, cross-validation.
 
 Cross-validation: each run is cut into 55 blocks, block b belongs to fold b mod 5. The score of a
 fold is its mean squared error under the model that is fitted to the other folds.
 """
 
-import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Final, Protocol
 
@@ -34,15 +29,19 @@ from numpy.typing import ArrayLike, NDArray
 from piezo_ros.identification.hysteresis.least_squares import NormalEquations
 
 __all__ = [
-    'ChunkModel',
     'Record',
+    'RecordModel',
     'accumulate',
     'concatenated_residual',
     'cross_validate',
-    'delayed',
     'make_records',
     'predict',
+    'record_of_blocks',
+    'reduced',
+    'refuse_single_branches',
     'reversals_of',
+    'split',
+    'turns_of',
 ]
 
 FOLDS: Final = 5
@@ -51,7 +50,12 @@ _BLOCKS_PER_FOLD: Final = 11
 _FEWEST_SAMPLES: Final = 100
 # Share of the peak-to-peak voltage by which the voltage must turn back to count as a reversal.
 _REVERSAL_SHARE: Final = 0.01
-_CHUNK_SAMPLES: Final = 4096  # the Jacobian of a chunk stays in the cache of the processor
+# Longer records are averaged over bins to so many samples, beside their turns.
+_MOST_SAMPLES: Final = 200_000
+# A voltage with more turns than that is a noisy reading: it turns where it does by this many times
+# the noise.
+_MOST_TURNS: Final = 20_000
+_NOISE_BAND: Final = 10.0
 
 _Floats = NDArray[np.float64]
 
@@ -68,9 +72,15 @@ class Record:
     displacement_um : ndarray, shape (N,)
         Measured displacement; any number where the weight is 0.
     weight : ndarray, shape (N,)
-        1 where a sample counts, 0 where it is left out.
+        How many samples of the recording it stands for, 0 where it is left out.
     measured : ndarray of bool, shape (N,)
         Whether the displacement is a finite measurement.
+    index : ndarray, shape (N,)
+        When it was taken, rising, in samples of the recording; not an integer for a mean.
+    virgin : bool
+        Whether the stage was virgin at the first sample; if not, the largest voltage begins it.
+    lost : int
+        Samples of the recording without a finite displacement.
 
     """
 
@@ -78,28 +88,28 @@ class Record:
     displacement_um: _Floats
     weight: _Floats
     measured: NDArray[np.bool_]
+    index: _Floats
+    virgin: bool = True
+    lost: int = 0
+
+    @property
+    def reach_v(self) -> float:
+        """Largest threshold of a play that moves: half the span of a branch, or a virgin curve."""
+        if self.virgin:
+            return float(np.max(np.abs(self.voltage_v)))
+        return 0.5 * float(np.ptp(self.voltage_v[np.argmax(np.abs(self.voltage_v)):]))
 
 
-class ChunkModel(Protocol):
-    """A model with memory that predicts and differentiates chunk after chunk."""
+class RecordModel(Protocol):
+    """A model with memory that predicts a record and differentiates by its parameters."""
 
-    def delay(self, theta: _Floats) -> float:
-        """Return the samples by which the displacement lags behind the voltage."""
+    def add(
+        self, record: Record, theta: _Floats, gradient: _Floats, curvature: _Floats,
+    ) -> float:
+        """Add J'We to the gradient, J'WJ to the curvature (upper triangle); return e'We."""
 
-    def initial_state(self) -> tuple[_Floats, ...]:
-        """Return the state of a virgin stage."""
-
-    def fill(
-        self, state: tuple[_Floats, ...], theta: _Floats, share: float, voltage_v: _Floats,
-        weight: _Floats, prediction_um: _Floats, jacobian: _Floats,
-    ) -> int:
-        """
-        Predict N samples, differentiate those of weight 1 and advance the state.
-
-        The prediction is interpolated between the displacements of the last and the present
-        voltage, with the weight ``share`` of the present one. Fills the prediction, shape (N,), and
-        the first rows of the Jacobian, shape (N, m); returns the number of rows.
-        """
+    def predict(self, record: Record, theta: _Floats) -> _Floats:
+        """Return the displacement at every sample, shape (N,)."""
 
 
 def make_records(
@@ -134,6 +144,31 @@ def make_records(
     ]
 
 
+def refuse_single_branches(records: Sequence[Record]) -> None:
+    """
+    Refuse records without a turn that could tell hysteresis from a curved characteristic.
+
+    Raises
+    ------
+    ValueError
+        If the voltage of no record turns; of a used stage, after its largest value.
+
+    """
+    for record in records:
+        begin = 0 if record.virgin else int(np.argmax(np.abs(record.voltage_v)))
+        turns = reversals_of(record.voltage_v)
+        if np.any(turns > begin):
+            return
+    voltage_v = records[0].voltage_v
+    largest_v = voltage_v[np.argmax(np.abs(voltage_v))]
+    where = ('does not turn' if records[0].virgin
+             else f'does not turn after its largest value, {largest_v:g} V')
+    raise ValueError(
+        f'voltage_v {where}: a single branch cannot tell hysteresis from a curved characteristic, '
+        'so that no loop is identified; at least one further turn is needed'
+        + ('' if records[0].virgin else ', or a run from a virgin stage'))
+
+
 def _as_list(values: ArrayLike | Sequence[ArrayLike]) -> list[_Floats]:
     if isinstance(values, list | tuple) and len(values) and np.ndim(values[0]) > 0:
         return [np.ascontiguousarray(value, dtype=np.float64) for value in values]
@@ -150,6 +185,16 @@ def _record(index: int, voltage: _Floats, displacement: _Floats, virgin: bool) -
         first = int(np.argmin(finite))
         raise ValueError(f'run {index}: voltage_v[{first}] is {voltage[first]}, it must be finite')
     measured = np.isfinite(displacement)
+    _refuse_too_little(index, voltage, measured)
+    record = Record(
+        voltage, np.where(measured, displacement, 0.0), measured.astype(np.float64), measured,
+        np.arange(voltage.size, dtype=np.float64), virgin, int((~measured).sum()))
+    return record if virgin else _from_largest_voltage(record)
+
+
+def _refuse_too_little(
+    index: int, voltage: _Floats, measured: NDArray[np.bool_],
+) -> None:
     if measured.sum() < _FEWEST_SAMPLES:
         raise ValueError(
             f'run {index}: displacement_um has {int(measured.sum())} finite samples, at least '
@@ -157,10 +202,130 @@ def _record(index: int, voltage: _Floats, displacement: _Floats, virgin: bool) -
     if np.ptp(voltage) == 0.0:
         raise ValueError(
             f'run {index}: voltage_v is constant at {voltage[0]} V, it must move through its range')
-    weight = measured.astype(np.float64)
-    if not virgin:
-        weight[:np.argmax(np.abs(voltage))] = 0.0
-    return Record(voltage, np.where(measured, displacement, 0.0), weight, measured)
+
+
+def _from_largest_voltage(record: Record) -> Record:
+    """Return the record of a used stage without weight before the largest voltage."""
+    weight = record.weight.copy()
+    weight[:np.argmax(np.abs(record.voltage_v))] = 0.0
+    return replace(record, weight=weight)
+
+
+def record_of_blocks(
+    blocks: Iterable[tuple[_Floats, _Floats]], samples: int, *, virgin: bool = True,
+    every: int = 1,
+) -> Record:
+    """
+    Return one run as a reduced record, from blocks that need not be in memory together.
+
+    Parameters
+    ----------
+    blocks : iterable of (ndarray, ndarray)
+        Voltage and displacement of consecutive samples, each of shape (B,).
+    samples : int
+        Samples of all blocks.
+    virgin : bool, optional
+        As for `make_records`.
+    every : int, optional
+        Samples in a bin at least, of which the mean is taken; turns keep all samples.
+
+    Raises
+    ------
+    ValueError
+        As `make_records`, and if ``every`` leaves too few samples.
+
+    """
+    if not 1 <= every <= max(samples // _FEWEST_SAMPLES, 1):
+        raise ValueError(
+            f'every is {every}, allowed is 1 … {max(samples // _FEWEST_SAMPLES, 1)} for {samples} '
+            'samples')
+    length = max(every, -(-samples // _MOST_SAMPLES))
+    parts, start = [], 0
+    for voltage, displacement in blocks:
+        finite = np.isfinite(voltage)
+        if not finite.all():
+            first = int(np.argmin(finite))
+            raise ValueError(
+                f'voltage_v[{start + first}] is {voltage[first]}, it must be finite')
+        measured = np.isfinite(displacement)
+        parts.append(_in_bins(Record(
+            voltage, np.where(measured, displacement, 0.0), measured.astype(np.float64), measured,
+            start + np.arange(voltage.size, dtype=np.float64), virgin, int((~measured).sum())),
+            length))
+        start += voltage.size
+    record = Record(
+        np.concatenate([part.voltage_v for part in parts]),
+        np.concatenate([part.displacement_um for part in parts]),
+        np.concatenate([part.weight for part in parts]),
+        np.concatenate([part.measured for part in parts]),
+        np.concatenate([part.index for part in parts]),
+        virgin, sum(part.lost for part in parts))
+    _refuse_too_little(0, record.voltage_v, record.measured)
+    return record if virgin else _from_largest_voltage(record)
+
+
+def reduced(record: Record, samples: int = _MOST_SAMPLES) -> Record:
+    """
+    Return a record of about so many samples: means over bins, and every sample about a turn.
+
+    Along a branch the displacement of the model is a straight line but for some bends, so that the
+    mean over a bin tells what its samples tell. A bin in which the voltage turns stays as it is.
+
+    Parameters
+    ----------
+    record : Record
+        The data.
+    samples : int, optional
+        Bins at most.
+
+    """
+    return _in_bins(record, -(-record.voltage_v.size // samples))
+
+
+def _in_bins(record: Record, length: int) -> Record:
+    """Return the means over bins of so many samples, and every sample about a turn."""
+    size = record.voltage_v.size
+    if length == 1:
+        return record
+    bins = -(-size // length)
+    kept = np.zeros(bins, dtype=np.bool_)
+    turns = turns_of(record.voltage_v)
+    for neighbour in (-1, 0, 1):
+        kept[np.clip(turns + neighbour, 0, size - 1) // length] = True
+    kept[[0, -1]] = True
+    first = np.arange(bins) * length
+    # A bin of its own for each sample about a turn.
+    starts = np.unique(np.concatenate([
+        first, (first[kept, np.newaxis] + np.arange(length)).ravel()]))
+    starts = starts[starts < size]
+    count = np.diff(starts, append=size)
+    weight = np.add.reduceat(record.weight, starts)
+    used = np.maximum(weight, np.finfo(np.float64).tiny)
+
+    def mean(values: _Floats) -> _Floats:
+        # Where nothing counts, of all samples; of those that count otherwise.
+        plain = np.add.reduceat(values, starts) / count
+        weighted = np.add.reduceat(values * record.weight, starts) / used
+        return np.where(weight > 0.0, weighted, plain)
+
+    return Record(
+        mean(record.voltage_v), mean(record.displacement_um), weight,
+        np.logical_or.reduceat(record.measured, starts), mean(record.index),
+        record.virgin, record.lost)
+
+
+def turns_of(voltage_v: _Floats) -> NDArray[np.int64]:
+    """Return the indices at which the voltage turns; of a noisy reading those beyond the noise."""
+    change = np.diff(voltage_v)
+    moving = np.flatnonzero(change)
+    turns = 1 + moving[:-1][change[moving[:-1]] * change[moving[1:]] < 0.0]
+    if turns.size <= _MOST_TURNS:
+        return turns
+    noise_v = float(np.median(np.abs(np.diff(change)))) / (0.6745 * np.sqrt(6.0))
+    band_v = max(_NOISE_BAND * noise_v, 1e-6 * float(np.ptp(voltage_v)))
+    from piezo_ros.identification.hysteresis.kernels import find_reversals
+    indices = np.empty(voltage_v.size, dtype=np.int64)
+    return indices[:find_reversals(voltage_v, band_v, indices)]
 
 
 def reversals_of(voltage_v: _Floats) -> NDArray[np.int64]:
@@ -171,67 +336,38 @@ def reversals_of(voltage_v: _Floats) -> NDArray[np.int64]:
     return indices[:count]
 
 
-def delayed(values: _Floats, delay_samples: float) -> tuple[_Floats, float]:
-    """
-    Return the two samples between which each sample of a delayed signal lies.
-
-    Parameters
-    ----------
-    values : ndarray, shape (N,)
-        The signal; it is constant before its first and after its last sample.
-    delay_samples : float
-        Delay d, negative for an advance.
-
-    Returns
-    -------
-    later : ndarray, shape (N + 1,)
-        The signal delayed by whole samples, with one more sample in front.
-    share : float
-        ``values[k - d]`` is ``later[k] + share * (later[k + 1] - later[k])``.
-
-    """
-    whole = math.floor(delay_samples)
-    index = np.arange(-1, values.size) - whole
-    return values[np.clip(index, 0, values.size - 1)], 1.0 - (delay_samples - whole)
-
-
 def accumulate(
-    model: ChunkModel, records: Sequence[Record], theta: _Floats,
+    model: RecordModel, records: Sequence[Record], theta: _Floats,
 ) -> NormalEquations:
     """
     Return the normal equations of a model over all records.
 
     Parameters
     ----------
-    model : ChunkModel
+    model : RecordModel
         The model, with m parameters.
     records : sequence of Record
-        The data; only samples of weight 1 count.
+        The data; only samples with weight count.
     theta : ndarray, shape (m,)
         Parameters.
 
     """
     size = theta.size
-    cost, gradient, curvature, samples = 0.0, np.zeros(size), np.zeros((size, size)), 0
-    jacobian = np.empty((_CHUNK_SAMPLES, size))
-    for record in records:
-        for chunk, predicted, count in _chunks(model, record, theta, record.weight, jacobian):
-            rows = jacobian[:count]
-            residual = (record.displacement_um[chunk] - predicted)[record.weight[chunk] > 0.0]
-            cost += float(residual @ residual)
-            gradient += rows.T @ residual
-            curvature += rows.T @ rows
-            samples += count
+    gradient, curvature = np.zeros(size), np.zeros((size, size))
+    cost = sum(model.add(record, theta, gradient, curvature) for record in records)
+    lower = np.tril_indices(size, -1)
+    curvature[lower] = curvature.T[lower]
+    samples = sum(int(np.count_nonzero(record.weight)) for record in records)
     return NormalEquations(cost, gradient, curvature, samples)
 
 
-def predict(model: ChunkModel, records: Sequence[Record], theta: _Floats) -> list[_Floats]:
+def predict(model: RecordModel, records: Sequence[Record], theta: _Floats) -> list[_Floats]:
     """
     Return the displacement that a model predicts for every record.
 
     Parameters
     ----------
-    model : ChunkModel
+    model : RecordModel
         The model, with m parameters.
     records : sequence of Record
         The data; only the voltage is used.
@@ -244,30 +380,7 @@ def predict(model: ChunkModel, records: Sequence[Record], theta: _Floats) -> lis
         Displacement of each record, micrometres.
 
     """
-    no_rows = np.empty((0, theta.size))
-    return [
-        np.concatenate([
-            predicted.copy() for _, predicted, _ in _chunks(
-                model, record, theta, np.zeros_like(record.weight), no_rows)])
-        for record in records
-    ]
-
-
-def _chunks(
-    model: ChunkModel, record: Record, theta: _Floats, weight: _Floats, jacobian: _Floats,
-) -> Iterator[tuple[slice, _Floats, int]]:
-    """Run a model through a record; yield slice, prediction and number of rows of the Jacobian."""
-    voltage, share = delayed(record.voltage_v, model.delay(theta))
-    state = model.initial_state()
-    prediction = np.empty(_CHUNK_SAMPLES)
-    # The first sample only sets the last voltage and its displacement.
-    model.fill(state, theta, share, voltage[:1], np.zeros(1), prediction, jacobian)
-    for first in range(0, weight.size, _CHUNK_SAMPLES):
-        chunk = slice(first, min(first + _CHUNK_SAMPLES, weight.size))
-        part = prediction[:chunk.stop - first]
-        count = model.fill(
-            state, theta, share, voltage[first + 1:chunk.stop + 1], weight[chunk], part, jacobian)
-        yield chunk, part, count
+    return [model.predict(record, theta) for record in records]
 
 
 def concatenated_residual(
@@ -281,7 +394,7 @@ def concatenated_residual(
 
 def cross_validate(
     records: Sequence[Record], fit_and_predict: Callable[[Sequence[Record]], list[_Floats]],
-) -> _Floats:
+) -> tuple[_Floats, _Floats]:
     """
     Return the mean squared error of each fold as predicted from the others.
 
@@ -297,22 +410,34 @@ def cross_validate(
 
     Returns
     -------
-    ndarray, shape (5,)
+    errors : ndarray, shape (5,)
         Mean squared error of every fold, um^2.
+    residual_um : ndarray, shape (N,)
+        Measured displacement less that predicted from the other folds, all records.
 
     """
     errors = np.empty(FOLDS)
+    whole = np.full(sum(record.voltage_v.size for record in records), np.nan)
     for fold in range(FOLDS):
         inside = [_fold_mask(record, fold) for record in records]
-        training = [
-            replace(record, weight=np.where(mask, 0.0, record.weight))
-            for record, mask in zip(records, inside, strict=True)]
-        test = [
-            replace(record, weight=np.where(mask, record.weight, 0.0))
-            for record, mask in zip(records, inside, strict=True)]
-        errors[fold] = np.nanmean(
-            concatenated_residual(test, fit_and_predict(training)) ** 2)
-    return errors
+        training, test = split(records, inside)
+        residual = concatenated_residual(test, fit_and_predict(training))
+        errors[fold] = np.nanmean(residual ** 2)
+        whole = np.where(np.isfinite(residual), residual, whole)
+    return errors, whole
+
+
+def split(
+    records: Sequence[Record], held_out: Sequence[NDArray[np.bool_]],
+) -> tuple[list[Record], list[Record]]:
+    """Return the records with the weight of what is not held out, and of what is."""
+    training = [
+        replace(record, weight=np.where(mask, 0.0, record.weight))
+        for record, mask in zip(records, held_out, strict=True)]
+    test = [
+        replace(record, weight=np.where(mask, record.weight, 0.0))
+        for record, mask in zip(records, held_out, strict=True)]
+    return training, test
 
 
 def _fold_mask(record: Record, fold: int) -> NDArray[np.bool_]:

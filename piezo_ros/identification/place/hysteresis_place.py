@@ -193,8 +193,7 @@ def decide_hysteresis_place(
         raise ValueError(
             f'{len(factors.rates_rad_per_s)} real poles and {len(factors.pairs)} pairs have '
             f'{len(choices)} placements, at most {_MOST_CANDIDATES} are compared')
-    operator = MaxwellResistiveCapacitor(
-        hysteresis.kappa_um_per_v, hysteresis.saturation_v)
+    operator = MaxwellResistiveCapacitor.of(hysteresis)
     stretches = _stretches(records, operator, factors)
     train, held_out = stretches[::2], stretches[1::2]
     found: list[tuple[Candidate, NDArray[np.float64], list[NDArray[np.float64]]]] = []

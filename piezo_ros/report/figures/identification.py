@@ -60,7 +60,8 @@ def residual_figure(fit: HysteresisFit) -> Figure:
         loops.plot(voltage_v, displacement_um, color=FAINT, linewidth=2.4, label='measured')
         loops.plot(
             voltage_v, displacement_um - residual_um, color=SERIES[0], linewidth=0.7,
-            label=f'MRC, {fit.elements} elements')
+            label=f'MRC, {fit.elements} elements' + (
+                ' and asymmetry' if fit.parameters.asymmetry_weight else ''))
         loops.set_ylabel('displacement (µm)')
         loops.legend()
         residual.plot(voltage_v, 1e3 * residual_um, color=SERIES[0], linewidth=0.5)

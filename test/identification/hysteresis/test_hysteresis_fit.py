@@ -303,8 +303,8 @@ def test_every_number_of_the_parameter_file_is_a_floating_point_number_to_any_re
 
 
 @pytest.mark.parametrize(('change', 'message'), [
-    ({'elements': 0}, 'elements is 0, allowed is 1 … 50'),
-    ({'elements': 51}, 'elements is 51'),
+    ({'elements': 0}, 'elements is 0, allowed is 1 … 160'),
+    ({'elements': 161}, 'elements is 161'),
     ({'elements': 'many'}, "elements is 'many'"),
     ({'range_v': (2.0, -2.0)}, r'range_v is \(2.0, -2.0\)'),
     ({'voltage_v': np.full(10_000, 2.0)}, 'run 0: voltage_v is constant at 2.0 V'),
