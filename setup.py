@@ -115,6 +115,7 @@ setup(
     # The oldest are what Ubuntu 22.04 brings, or the first with wheels for Python 3.10; as they
     # stand here, `make test-matrix` installs and tests them (.ci/requirements).
     install_requires=[
+        'clarabel>=0.6.0',
         'control>=0.9.4',
         'jinja2>=3.0.3',
         'lz4>=4.0.0',
