@@ -22,6 +22,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from piezo_ros.control import ControllerParameters
+from piezo_ros.control.closed_loop import run_loop
 from piezo_ros.model import HysteresisParameters, LinearDynamics, RigParameters
 from piezo_ros.model.simulated_rig import Rig
 from piezo_ros.parameters.parameter_file import read_parameter_set
@@ -113,6 +115,26 @@ def test_the_slope_is_the_difference_of_two_answers(shape, size, seed):
     np.testing.assert_allclose(
         difference, answer.slope @ direction,
         atol=2e-3 * float(np.max(np.abs(answer.slope @ direction))))
+
+
+def run_beside_feedback(plan, rig, reference_delay_samples):
+    """Return the NRMSE of the planned command under feedback, percent."""
+    samples = 4 * plan.reference_um.size
+    run = run_loop(
+        rig, RIG, ControllerParameters(reference_delay_samples=reference_delay_samples), PERIOD_S,
+        np.tile(plan.reference_um, 4) * plan.soft_start(samples, 1.0),
+        plan.command_um(samples, RIG, 1.0))
+    error_um = plan.reference_um - run.displacement_um[-plan.reference_um.size - 1:-1]
+    return 100.0 * math.sqrt(np.mean(error_um**2)) / np.ptp(plan.reference_um)
+
+
+def test_feedback_that_is_aligned_does_not_spoil_a_plan_and_removes_drift():
+    plan = planned(1.0, 300.0, limits=AmplifierLimits(slew_v_per_s=SLEW_V_PER_S))
+    late, aligned = (run_beside_feedback(plan, RIG, delay) for delay in (0, 1))
+    assert late > 5.0 * plan.predicted_nrmse_percent
+    assert aligned < plan.predicted_nrmse_percent + 0.02
+    drifting = RIG.replaced(drift_um_per_s=0.2)
+    assert run_beside_feedback(plan, drifting, 1) < plan.predicted_nrmse_percent + 0.02
 
 
 def test_a_stage_without_hysteresis_and_poles_follows_exactly():
