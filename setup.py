@@ -132,10 +132,13 @@ setup(
         **ROS_WHEELS,
         # piezo sweep --engine dask, and its results as Parquet.
         'dask': ['distributed>=2024.1', 'pyarrow>=14'],
+        # Images of scans as Gwyddion files.
+        'images': ['gwyfile>=0.2'],
         'test': [
             'catkin_pkg',
             'colcon-common-extensions',
             'distributed>=2024.1',
+            'gwyfile>=0.2',
             'hypothesis>=6.100',
             'import-linter>=2',
             'mcap-ros2-support>=0.5',

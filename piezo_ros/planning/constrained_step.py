@@ -187,7 +187,12 @@ def _quadratic_program(
     normal: _Floats, right: _Floats, coefficients: _Floats, cuts: _Cuts,
 ) -> _Floats:
     """Minimise d' normal d/2 - right d within the cuts, at coefficients + d."""
-    import clarabel
+    try:
+        import clarabel
+    except ModuleNotFoundError:
+        raise ModuleNotFoundError(
+            'a plan at the limits of the amplifier needs the package clarabel (pip install '
+            'clarabel)') from None
     from scipy import sparse
     size = normal.shape[0]
     # In units in which the minimum without limits is round.
