@@ -34,6 +34,7 @@ class Onlookers:
 
     def __init__(self, peer):
         self.monitor, self.clock, self.diagnostics = [], [], []
+        self._name = f'{peer.node.get_namespace()}/plant'
         node = peer.node
         node.create_subscription(
             Float64, 'monitor/displacement', self.monitor.append, qos_profile_sensor_data)
@@ -41,7 +42,8 @@ class Onlookers:
         node.create_subscription(DiagnosticArray, '/diagnostics', self._take, 10)
 
     def _take(self, message):
-        self.diagnostics += message.status
+        # Every node of the machine reports there, those of other tests too.
+        self.diagnostics += [status for status in message.status if status.name == self._name]
 
     @property
     def newest(self):

@@ -25,7 +25,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from support.foreign_stages import ForeignStage, StageDescription
+from foreign_stages import ForeignStage, StageDescription
 
 from piezo_ros.bag import BagWriter
 from piezo_ros.cli.main import main
