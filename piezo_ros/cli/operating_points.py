@@ -15,11 +15,13 @@
 """The part of ``piezo tune`` that says which scheme to use at each operating point."""
 
 import argparse
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, TypeVar
 
 from piezo_ros.control import ControllerParameters, TrajectoryParameters
+from piezo_ros.experiment.model_file import read_accuracy
 from piezo_ros.experiment.plan.automatic import AUTO, known_rig
 from piezo_ros.identification.prediction.operating_points import (
     OperatingPoint,
@@ -33,11 +35,15 @@ if TYPE_CHECKING:
     from piezo_ros.identification.tuning.linear_plant import Bound
     from piezo_ros.identification.tuning.pi_tuning import PiTuning
 
-__all__ = ['operating_points_text', 'predicted_points']
+__all__ = ['NO_BOUND', 'operating_points_text', 'predicted_points']
+
+NO_BOUND: Final = Path('none')
 
 _Set = TypeVar('_Set', bound=ParameterSet)
 _SHARES_OF_REACH: Final = tuple(i / 12.0 for i in range(1, 6))
 _SHARES_OF_ACCEPTABLE: Final = (0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 2.0)
+_SAMPLES_PER_PERIOD: Final = 20.0  # at least, of the scans that are predicted unasked
+_DEFAULT_SCAN_HZ: Final = 300.0
 
 
 def predicted_points(
@@ -47,12 +53,13 @@ def predicted_points(
     harmonics_open = options.harmonics == AUTO
     if not harmonics_open and not options.harmonics.isdigit():
         raise ValueError(f"--harmonics is {options.harmonics!r}, allowed is a number or 'auto'")
+    period_s = options.sample_period_s
+    highest_hz = 1.0 / (_SAMPLES_PER_PERIOD * period_s)
     compensator = _told(options.compensator, 'compensator', HysteresisParameters)
     plant = _told(options.plant, 'plant', RigParameters)
-    scan = read_parameter_set(
-        options.model, 'trajectory', TrajectoryParameters).replaced(
-            waveform=options.waveform, sample_period_s=options.sample_period_s,
-            **({} if harmonics_open else {'harmonics': int(options.harmonics)}))
+    scan = read_parameter_set(options.model, 'trajectory', TrajectoryParameters, {
+        'sample_period_s': period_s, 'frequency_hz': min(_DEFAULT_SCAN_HZ, highest_hz)}).replaced(
+            waveform=options.waveform, sample_period_s=period_s)
     controller = ControllerParameters(
         proportional_gain=tuning.proportional_gain,
         integral_gain_per_s=tuning.integral_gain_per_s,
@@ -65,13 +72,34 @@ def predicted_points(
             raise ValueError(
                 f'--amplitudes-um has {amplitude_um:g}, allowed is above 0 … {plant.reach_um:g} um '
                 '(the reach of the stage)')
-    acceptable_hz = tuning.after.feedback_acceptable_frequency_hz
-    frequencies_hz = options.frequencies_hz or [
-        _rounded(share * acceptable_hz) for share in _SHARES_OF_ACCEPTABLE]
+    frequencies_hz = options.frequencies_hz or _default_frequencies_hz(tuning, highest_hz)
+    for frequency_hz in frequencies_hz:
+        if not 0.0 < frequency_hz < 0.5 / period_s:
+            raise ValueError(
+                f'--frequencies-hz has {frequency_hz:g}, allowed is above 0 and below '
+                f'{0.5 / period_s:g} Hz (the Nyquist frequency)')
+    told = {} if options.plant is None else {'plant': {'order': plant.order}}
+    cells = [(a, f) for a in sorted(set(amplitudes_um)) for f in sorted(set(frequencies_hz))]
+    if not harmonics_open:
+        scan = scan.replaced(frequency_hz=max(frequencies_hz), harmonics=int(options.harmonics))
     return predict_operating_points(
-        known_rig({}, plant, compensator, scan), scan, controller,
-        [(a, f) for a in sorted(set(amplitudes_um)) for f in sorted(set(frequencies_hz))],
-        harmonics_open=harmonics_open, compensator=compensator, uncertainty=bound)
+        known_rig(told, plant, compensator, scan), scan, controller, cells,
+        harmonics_open=harmonics_open, compensator=compensator, uncertainty=bound,
+        accuracy=read_accuracy(_model_files(options)))
+
+
+def _model_files(options: argparse.Namespace) -> list[Path]:
+    return [path for path in (options.model, options.compensator) if path is not None]
+
+
+def _default_frequencies_hz(tuning: 'PiTuning', highest_hz: float) -> list[float]:
+    """Return frequencies about the feedback-acceptable one, as far as they can be sampled."""
+    base_hz = tuning.after.feedback_acceptable_frequency_hz
+    if not 0.0 < base_hz < math.inf:
+        rates = abs(tuning.after.loop.plant.poles_rad_per_s)
+        base_hz = float(rates[rates > 0.0].min()) / (2.0 * math.pi * max(_SHARES_OF_ACCEPTABLE))
+    base_hz = min(base_hz, highest_hz / max(_SHARES_OF_ACCEPTABLE))
+    return [_rounded(share * base_hz) for share in _SHARES_OF_ACCEPTABLE]
 
 
 def _told(path: Path | None, node: str, parameter_set: type[_Set]) -> _Set:
@@ -102,7 +130,57 @@ def operating_points_text(
         lines.append(
             f'{f"{amplitude_um:g} um":>10}' + ''.join(f'{_cell(point):>15}' for point in row)
             + f'{f"{acceptable_hz:.4g} Hz":>14}')
+    lines += ['', *_interval_lines(points, frequencies_hz, options), *_place_lines(points)]
     return '\n'.join(lines)
+
+
+def _interval_lines(
+    points: Sequence[OperatingPoint], frequencies_hz: Sequence[float],
+    options: argparse.Namespace,
+) -> list[str]:
+    """Return where each of these errors is expected, and the parts of that."""
+    lines = [
+        'expected between, NRMSE in %' + (
+            ' (? nothing is known of a part)' if points[0].chosen.unknown else ''),
+        f'{"":>10}' + ''.join(f'{f"{f:g} Hz":>15}' for f in frequencies_hz)]
+    for amplitude_um in sorted({point.amplitude_um for point in points}):
+        row = sorted(
+            (point for point in points if point.amplitude_um == amplitude_um),
+            key=lambda point: point.frequency_hz)
+        lines.append(
+            f'{f"{amplitude_um:g} um":>10}'
+            + ''.join(f'{point.interval!s:>15}' for point in row))
+    accuracy = read_accuracy(_model_files(options))
+    files = ' and '.join(map(str, _model_files(options)))
+    residual, error = accuracy.hysteresis_rms_um, accuracy.model_error
+    usable = '' if math.isinf(accuracy.usable_to_hz) else f' up to {accuracy.usable_to_hz:.4g} Hz'
+    lines += [
+        'made of: hysteresis residual '
+        + (f'not known ({files} tell none)' if residual is None else f'{1e3 * residual:.3g} nm'),
+        f'         W(s) {"not known" if options.bound == NO_BOUND else "as above"}, error of the '
+        'dynamics '
+        + (f'not known ({options.model} tells none)' if error is None
+           else f'{100.0 * error:.3g} %{usable}'),
+        f'         noise {1e3 * _noise_um(options):.3g} nm ({options.plant or "of the paper"})']
+    return lines
+
+
+def _noise_um(options: argparse.Namespace) -> float:
+    return _told(options.plant, 'plant', RigParameters).noise_rms_um
+
+
+def _place_lines(points: Sequence[OperatingPoint]) -> list[str]:
+    """Return at which points the scheme depends on a place that is not decided."""
+    if not any(point.chosen.by_place_percent for point in points):
+        return []
+    lines = [
+        'which poles are before the hysteresis is not decided: intervals cover every possibility']
+    depending = [point for point in points if point.depends_on_place]
+    for point in depending:
+        lines.append(
+            f'  {point.amplitude_um:g} um, {point.frequency_hz:g} Hz: the scheme depends on it, '
+            f'{" or ".join(dict.fromkeys(point.schemes_by_place))}')
+    return [*lines, *([] if depending else ['  the schemes do not depend on it'])]
 
 
 def _cell(point: OperatingPoint) -> str:

@@ -20,9 +20,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from piezo_ros import paper
+from piezo_ros.cli.exit_codes import EXIT_FAILED, EXIT_POOR, EXIT_USAGE
 from piezo_ros.control import TrajectoryParameters
 from piezo_ros.control.feedforward import PERIODIC
-from piezo_ros.experiment.model_file import read_bound, read_dynamics
+from piezo_ros.experiment.model_file import (
+    identified_facts,
+    poor_verdict,
+    read_bound,
+    read_dynamics,
+    read_evidence,
+)
 from piezo_ros.experiment.plan.automatic import AUTO
 from piezo_ros.model import LinearDynamics
 from piezo_ros.parameters.errors import PlanError, failure_text
@@ -32,6 +39,7 @@ from piezo_ros.report.files import write_atomically
 if TYPE_CHECKING:
     from piezo_ros.identification.tuning.linear_plant import Bound, Model
     from piezo_ros.identification.tuning.loop_shape import LoopShape
+    from piezo_ros.identification.tuning.pi_tuning import PiTuning
 
 __all__ = ['add_arguments']
 
@@ -42,7 +50,6 @@ examples:
   piezo tune trajectory.yaml --compensator compensator.yaml --plant rig.yaml -o controller.yaml
   piezo tune slow_stage.yaml --sample-period-s 1e-4 --no-operating-points -o controller.yaml
 """
-_NO_BOUND: Final = Path('none')
 _GAINS: Final = (
     ('kP', 'proportional_gain', ''),
     ('kI', 'integral_gain_per_s', '1/s'),
@@ -82,7 +89,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--measurement-delay-samples', type=int, default=1, metavar='D', help='(default: 1)')
     parser.add_argument(
-        '--sample-period-s', type=float, default=1e-5, metavar='TS', help='(default: 1e-5)')
+        '--sample-period-s', type=float, metavar='TS',
+        help='(default: that of the record of MODEL, where it tells one; else 1e-5)')
+    parser.add_argument(
+        '--accept-poor', action='store_true',
+        help='tune also on a model of which the verdict is "do not trust" (else exit 4)')
     _add_operating_points(parser)
     parser.set_defaults(function=_tune)
 
@@ -119,34 +130,42 @@ def _tune(options: argparse.Namespace) -> int:
     from piezo_ros.identification.tuning.pi_tuning import tune_pi
     if options.output.exists() and not options.force:
         print(f'piezo: {options.output} exists; --force replaces it', file=sys.stderr)
-        return 2
+        return EXIT_USAGE
     try:
+        poor = _poor_models(options)
+        if poor:
+            print(f'piezo: {poor}; --accept-poor tunes all the same', file=sys.stderr)
+            return EXIT_POOR
+        if options.sample_period_s is None:
+            options.sample_period_s = _recorded_period_s(options.model)
         model = read_dynamics(options.model)
+        evidence = read_evidence(options.model, model, options.sample_period_s)
         bound = _bound(options.bound)
         tuning = tune_pi(
             model, bound=bound, objective=_objective(options, model),
             max_sensitivity=options.max_sensitivity,
             uncertainty_limit=options.uncertainty_limit,
             measurement_delay_samples=options.measurement_delay_samples,
-            sample_period_s=options.sample_period_s)
+            sample_period_s=options.sample_period_s, evidence=evidence)
         published = loop_shape(
             model, paper.TABLE_2['proportional_gain'], paper.TABLE_2['integral_gain_per_s'],
             sample_period_s=options.sample_period_s,
             measurement_delay_samples=options.measurement_delay_samples, bound=bound)
-        # Predictions simulate the rig, which has the dynamics (6).
+        # Predictions simulate the rig, which has poles before and behind its hysteresis.
         points = predicted_points(options, tuning, bound) if (
             isinstance(model, LinearDynamics) and not options.no_operating_points) else ()
         write_atomically(options.output, tuning.to_parameter_yaml(
             source=str(options.model), table=feedback_table(points) if points else None))
     except (PlanError, ValueError, OSError) as error:
         print(f'piezo: {failure_text(error)}', file=sys.stderr)
-        return 1
+        return EXIT_FAILED
     print(
         f'sampled every {options.sample_period_s:g} s, measurement '
         f'{options.measurement_delay_samples * options.sample_period_s:g} s old, W(s): '
         f'{options.bound or "(19) of the paper"}')
     print(_table({'start': tuning.before, 'tuned': tuning.after, 'Table 2': published}))
     print(f'active limits: {", ".join(tuning.active_limits) or "none"}')
+    print(_sensitivity_text(tuning, len(evidence.frequency_hz), options))
     if points:
         print()
         print(operating_points_text(points, options))
@@ -154,15 +173,47 @@ def _tune(options: argparse.Namespace) -> int:
     return 0
 
 
+def _poor_models(options: argparse.Namespace) -> str:
+    """Return which model is not to be trusted, '' for none."""
+    if options.accept_poor:
+        return ''
+    for path in (options.model, options.compensator):
+        verdict = poor_verdict(path) if path is not None else ''
+        if verdict:
+            return f'{path}: {verdict}'
+    return ''
+
+
+def _recorded_period_s(path: Path) -> float:
+    period_s = identified_facts(path, 'identified_dynamics').get('sample_period_s', 1e-5)
+    if isinstance(period_s, bool) or not isinstance(period_s, int | float) or not period_s > 0.0:
+        raise PlanError(f'{path}: sample_period_s is {period_s!r}, it must be a number above 0')
+    return float(period_s)
+
+
+def _sensitivity_text(tuning: 'PiTuning', points: int, options: argparse.Namespace) -> str:
+    """Return the largest |S| on the model, on the measured points and on its band."""
+    on_points, on_band = tuning.point_sensitivity, tuning.band_sensitivity
+    parts = [
+        f'model {tuning.after.max_sensitivity:.4g}',
+        f'measured points not known ({options.model} names no points_file)' if on_points is None
+        else f'{points} measured points {on_points:.4g}',
+        'band of the model not known' if on_band is None else f'band of the model {on_band:.4g}']
+    return f'max |S| with the tuned gains: {", ".join(parts)}'
+
+
 def _objective(options: argparse.Namespace, model: 'Model') -> str | TrajectoryParameters:
     if options.objective != 'itae_scan' or not isinstance(model, LinearDynamics):
         return str(options.objective)
-    return read_parameter_set(options.model, 'trajectory', TrajectoryParameters).replaced(
-        sample_period_s=options.sample_period_s)
+    return read_parameter_set(
+        options.model, 'trajectory', TrajectoryParameters,
+        {'sample_period_s': options.sample_period_s}).replaced(
+            sample_period_s=options.sample_period_s)
 
 
 def _bound(path: Path | None) -> 'Bound | None':
-    if path == _NO_BOUND:
+    from piezo_ros.cli.operating_points import NO_BOUND
+    if path == NO_BOUND:
         return None
     return read_bound(path) if path else paper.uncertainty_magnitude
 

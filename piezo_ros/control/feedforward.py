@@ -25,7 +25,8 @@ Here the sum is evaluated as a polynomial in z = exp(2 pi i f t)::
 
     u_ff = Im(sum over odd k <= m of U_k z^k),   U_k = A_k / G(i w_k)
 
-The plain inverse of G(s) would be unstable, its zeros being in the right half plane.
+G is any stable model with its delay. The plain inverse of G(s) would be unstable where zeros are in
+the right half plane.
 """
 
 import math
@@ -46,11 +47,15 @@ __all__ = [
     'feedforward_step',
     'fourier_amplitudes',
     'mean_square_um2',
+    'usual_harmonics',
 ]
 
 # Mean square of the waveforms that have a Fourier series here, for an amplitude of 1.
 _MEAN_SQUARE: Final = {'triangle': 1.0 / 3.0, 'sine': 0.5}
 PERIODIC: Final = tuple(_MEAN_SQUARE)
+# Of the dc gain: what is less can hardly be inverted, and its model is a guess.
+_LEAST_GAIN: Final = 1e-6
+_USUAL_HARMONICS: Final = 9
 
 
 class FeedforwardConstants(NamedTuple):
@@ -143,11 +148,11 @@ def feedforward_constants(
     Raises
     ------
     ParameterError
-        If the highest odd harmonic is not below the Nyquist frequency, or the waveform has no
-        Fourier series.
+        If the highest odd harmonic is not below the Nyquist frequency, the model has hardly any
+        gain at a harmonic, or the waveform has no Fourier series.
 
     """
-    dc_inverse = 1.0 / model.parameters.dc_gain
+    dc_inverse = 1.0 / model.dc_gain
     if harmonics == 0:
         return FeedforwardConstants([], [], dc_inverse)
     odd = np.arange(1, harmonics + 1, 2)
@@ -157,13 +162,63 @@ def feedforward_constants(
         raise ParameterError(
             f'harmonics is {harmonics}: harmonic {odd[-1]} of {waveform.frequency_hz:g} Hz is at '
             f'{highest_hz:g} Hz, it must be below the Nyquist frequency {nyquist_hz:g} Hz')
-    amplitudes = fourier_amplitudes(waveform.waveform, waveform.amplitude_um, harmonics)
-    frequency_hz = odd * waveform.frequency_hz
-    if sampled:
-        u = amplitudes[odd - 1] / model.sampled_response(frequency_hz, waveform.sample_period_s)
-    else:
-        u = amplitudes[odd - 1] / model.response(frequency_hz)
+    amplitudes = fourier_amplitudes(waveform.waveform, waveform.amplitude_um, harmonics)[odd - 1]
+    frequency_hz = np.asarray(odd * waveform.frequency_hz, dtype=np.float64)
+    response = _inverted_response(model, frequency_hz, waveform.sample_period_s, sampled)
+    small = ~_is_invertible(response, model) & (amplitudes != 0.0)
+    if small.any():
+        first = int(np.flatnonzero(small)[0])
+        raise ParameterError(
+            f'harmonics is {harmonics}: at harmonic {odd[first]} of {waveform.frequency_hz:g} Hz, '
+            f'{frequency_hz[first]:g} Hz, the model has the gain {abs(response[first]):.3g}, it '
+            f'must be {_LEAST_GAIN * model.dc_gain:.3g} at least ({_LEAST_GAIN:g} of the dc gain) '
+            'to be inverted')
+    u = amplitudes / np.where(amplitudes != 0.0, response, 1.0)
     return FeedforwardConstants(u.real.tolist(), u.imag.tolist(), dc_inverse)
+
+
+def usual_harmonics(
+    waveform: WaveformParameters, model: LinearDynamics, *, sampled: bool = False,
+) -> int:
+    """
+    Return the highest harmonic m that is taken where none is given.
+
+    Parameters
+    ----------
+    waveform, model, sampled
+        As for `feedforward_constants`.
+
+    Returns
+    -------
+    int
+        9, or as many as there are below the Nyquist frequency and below the first at which the
+        model has hardly any gain; 0 for a waveform without Fourier series.
+
+    """
+    if waveform.waveform not in PERIODIC:
+        return 0
+    odd = np.arange(1, _USUAL_HARMONICS + 1, 2)
+    odd = odd[odd * waveform.frequency_hz < 0.5 / waveform.sample_period_s]
+    frequency_hz = np.asarray(odd * waveform.frequency_hz, dtype=np.float64)
+    response = _inverted_response(model, frequency_hz, waveform.sample_period_s, sampled)
+    used = fourier_amplitudes(waveform.waveform, 1.0, _USUAL_HARMONICS)[odd - 1] != 0.0
+    refused = np.flatnonzero(~_is_invertible(response, model) & used)
+    return int(odd[-1]) if not refused.size else max(2 * int(refused[0]) - 1, 0)
+
+
+def _inverted_response(
+    model: LinearDynamics, frequency_hz: NDArray[np.float64], sample_period_s: float,
+    sampled: bool,
+) -> NDArray[np.complex128]:
+    if sampled:
+        return model.sampled_response(frequency_hz, sample_period_s)
+    return model.response(frequency_hz)
+
+
+def _is_invertible(
+    response: NDArray[np.complex128], model: LinearDynamics,
+) -> NDArray[np.bool_]:
+    return np.asarray(np.abs(response) >= _LEAST_GAIN * model.dc_gain)
 
 
 @step

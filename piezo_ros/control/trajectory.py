@@ -27,12 +27,13 @@ computed once (`trajectory_blocks`).
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
-from typing import Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple, TypeVar
 
 from piezo_ros.control.feedforward import (
     FeedforwardConstants,
     feedforward_constants,
     feedforward_step,
+    usual_harmonics,
 )
 from piezo_ros.control.waveform import (
     EXCITATIONS,
@@ -56,6 +57,8 @@ __all__ = [
     'trajectory_step',
 ]
 
+_Parameters = TypeVar('_Parameters', bound='TrajectoryParameters')
+_USUAL: Final = -1
 _MOST_REPEATED: Final = 4096  # samples
 _ROUNDING: Final = 2.0**-50  # of the product of frequency and sample period, relative
 
@@ -65,8 +68,9 @@ class TrajectoryParameters(WaveformParameters, DynamicsParameters):
     """The desired trajectory and the model that its feedforward inverts."""
 
     harmonics: int = parameter(
-        9, '', 'highest harmonic m of the feedforward (13); 0: the reference over the dc gain',
-        minimum=0, maximum=9999)
+        _USUAL, '', 'highest harmonic m of the feedforward (13); 0: the reference over the dc '
+        'gain; -1: 9, or as many as waveform, sampling and model have', minimum=_USUAL,
+        maximum=9999)
 
     model_response: str = parameter(
         'continuous', '', 'which response of the model the feedforward inverts: the continuous one '
@@ -74,9 +78,19 @@ class TrajectoryParameters(WaveformParameters, DynamicsParameters):
         choices=('continuous', 'sampled'))
 
     def check_together(self) -> None:
-        """Refuse harmonics that the waveform or the sampling does not have."""
+        """Refuse harmonics that waveform, sampling or model do not have; put in the usual ones."""
         super().check_together()
+        if self.harmonics == _USUAL:
+            object.__setattr__(self, '_has_usual_harmonics', True)
+            object.__setattr__(self, 'harmonics', usual_harmonics(
+                self, LinearDynamics(self), sampled=self.model_response == 'sampled'))
         _feedforward(self)
+
+    def replaced(self: _Parameters, **values: Any) -> _Parameters:
+        """Return a copy with some values replaced; harmonics not given are chosen anew."""
+        if getattr(self, '_has_usual_harmonics', False):
+            values.setdefault('harmonics', _USUAL)
+        return super().replaced(**values)
 
 
 class TrajectoryConstants(NamedTuple):

@@ -104,6 +104,7 @@ class WaveformParameters(ParameterSet):
 
     def check_together(self) -> None:
         """Refuse what cannot be sampled."""
+        super().check_together()
         nyquist_hz = 0.5 / self.sample_period_s
         if self.frequency_hz >= nyquist_hz:
             raise ParameterError(

@@ -14,26 +14,39 @@
 
 """Models that identification and tuning wrote, read back for the next step."""
 
-from collections.abc import Mapping
+import math
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from piezo_ros.model import DynamicsParameters, LinearDynamics
 from piezo_ros.parameters.errors import PlanError
-from piezo_ros.parameters.parameter_file import read_parameter_set, read_yaml
+from piezo_ros.parameters.parameter_file import (
+    parameter_sections,
+    read_parameter_set,
+    read_yaml,
+)
 
 if TYPE_CHECKING:
     import control
 
+    from piezo_ros.identification.prediction.accuracy import ModelAccuracy
     from piezo_ros.identification.tuning.linear_plant import Model
+    from piezo_ros.identification.tuning.loop_evidence import LoopEvidence
 
-__all__ = ['BOUND_KIND', 'RATIONAL_KIND', 'read_bound', 'read_dynamics']
+__all__ = [
+    'BOUND_KIND', 'RATIONAL_KIND', 'identified_facts', 'poor_verdict', 'read_accuracy',
+    'read_bound', 'read_dynamics', 'read_evidence',
+]
 
 BOUND_KIND = 'uncertainty_bound'
 RATIONAL_KIND = 'rational_dynamics'
 FORMAT_VERSION = 1
+_DYNAMICS_FACTS: Final = 'identified_dynamics'
+_HYSTERESIS_FACTS: Final = 'identified_hysteresis'
+_POOR: Final = 'do not trust'
 
 
 def read_bound(path: Path) -> 'control.TransferFunction':
@@ -85,3 +98,121 @@ def _read_kind(path: Path, content: Any, kind: str) -> Mapping[str, Any]:
             f'{path}: format_version is {content.get("format_version")!r}, only {FORMAT_VERSION} '
             'is known')
     return content
+
+
+def identified_facts(path: Path, section: str) -> dict[str, Any]:
+    """
+    Return what an identification says of its own model.
+
+    Parameters
+    ----------
+    path : Path
+        The model file.
+    section : str
+        ``'identified_dynamics'`` or ``'identified_hysteresis'``.
+
+    Returns
+    -------
+    dict of str to value
+        The section; empty where the file has none, as one that was written by hand.
+
+    Raises
+    ------
+    PlanError
+        If the file cannot be read.
+
+    """
+    content = read_yaml(path)
+    if not isinstance(content, Mapping):
+        return {}
+    return {
+        name: value for node, values in parameter_sections(content)
+        if node.rpartition('/')[2] == section for name, value in values.items()}
+
+
+def poor_verdict(path: Path) -> str:
+    """Return the verdict of a model file that is not to be trusted, '' for any other."""
+    for section in (_DYNAMICS_FACTS, _HYSTERESIS_FACTS):
+        verdict = str(identified_facts(path, section).get('verdict', ''))
+        if verdict.startswith(_POOR):
+            return verdict
+    return ''
+
+
+def read_accuracy(paths: Iterable[Path]) -> 'ModelAccuracy':
+    """
+    Return what the model files of a stage tell of their errors; of several the last one counts.
+
+    Raises
+    ------
+    PlanError
+        If a file cannot be read, or tells something else than numbers.
+
+    """
+    from piezo_ros.identification.prediction.accuracy import ModelAccuracy
+    values: dict[str, Any] = {}
+    for path in paths:
+        dynamics = identified_facts(path, _DYNAMICS_FACTS)
+        hysteresis = identified_facts(path, _HYSTERESIS_FACTS)
+        for name, facts, key in (
+            ('model_error', dynamics, 'model_error'),
+            ('usable_to_hz', dynamics, 'usable_to_hz'),
+            ('hysteresis_rms_um', hysteresis, 'residual_rms_um'),
+            ('noise_rms_um', hysteresis, 'noise_rms_um'),
+        ):
+            if key in facts:
+                values[name] = _number(path, key, facts[key])
+        levels = hysteresis.get('amplitude_levels_v', [])
+        percents = hysteresis.get('amplitude_residual_percent', [])
+        if isinstance(levels, list) and isinstance(percents, list) and (
+                0 < len(levels) == len(percents)):
+            values['level_v'] = tuple(
+                _number(path, 'amplitude_levels_v', value) for value in levels)
+            values['level_percent'] = tuple(
+                _number(path, 'amplitude_residual_percent', value) for value in percents)
+    return ModelAccuracy(**values)
+
+
+def read_evidence(path: Path, model: 'Model', sample_period_s: float) -> 'LoopEvidence':
+    """
+    Return the measured points beside a model of the dynamics, and the error that its file tells.
+
+    Parameters
+    ----------
+    path : Path
+        The model file; its section of facts names the table of points.
+    model : LinearDynamics or LinearPlant
+        The model in it.
+    sample_period_s : float
+        Sample period of the loop that is to hold.
+
+    Raises
+    ------
+    PlanError
+        If the table of points cannot be read.
+
+    """
+    from piezo_ros.identification.tuning.loop_evidence import LoopEvidence
+    facts = identified_facts(path, _DYNAMICS_FACTS)
+    known = {
+        key: _number(path, key, facts[key]) for key in ('model_error', 'usable_to_hz')
+        if key in facts}
+    name = str(facts.get('points_file', ''))
+    if not name:
+        return LoopEvidence.of(model, sample_period_s, [], [], [], sample_period_s, **known)
+    from piezo_ros.identification.response import response_csv
+    read_response = getattr(response_csv, 'read_response')  # noqa: B009
+    file = path.parent / name
+    try:
+        points = read_response(file)
+    except (OSError, ValueError) as error:
+        raise PlanError(f'{path}: points_file {file}: {error}') from None
+    return LoopEvidence.of(
+        model, sample_period_s, points.frequency_hz, points.response, points.standard_error,
+        points.sample_period_s, **known)
+
+
+def _number(path: Path, name: str, value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or math.isnan(value):
+        raise PlanError(f'{path}: {name} is {value!r}, it must be a number')
+    return float(value)

@@ -44,8 +44,8 @@ __all__ = [
 def packed_rig(state: RigState, constants: RigConstants) -> NDArray[np.float64]:
     """Return state and constants of a rig as `unpacked_rig` takes them."""
     sizes = [
-        len(constants.hysteresis.width_um), len(state.amplifier), len(state.mechanics),
-        len(state.relaxed_um)]
+        len(constants.hysteresis.width_um), len(state.before), len(state.behind),
+        len(state.relaxed_um), len(state.delayed_v)]
     return _packed(sizes, state, constants)
 
 
@@ -79,20 +79,22 @@ def packed_creep(memory: Any) -> CreepConstants:
 @step
 def unpacked_state(memory: Any) -> RigState:
     """Return the state of a rig as views of its memory."""
-    elements, first_order, second_order = int(memory[0]), int(memory[1]), int(memory[2])
-    relaxations = int(memory[3])
-    amplifier_at = 8
-    hysteresis_at = amplifier_at + first_order
-    mechanics_at = hysteresis_at + state_size(elements)
-    displacement_at = mechanics_at + second_order
+    elements, order_before, order_behind = int(memory[0]), int(memory[1]), int(memory[2])
+    relaxations, delayed = int(memory[3]), int(memory[4])
+    before_at = 10
+    hysteresis_at = before_at + order_before
+    behind_at = hysteresis_at + state_size(elements)
+    displacement_at = behind_at + order_behind
     relaxed_at = displacement_at + 1
     drift_at = relaxed_at + relaxations
-    scratch_at = drift_at + 1
+    delayed_at = drift_at + 1
+    scratch_at = delayed_at + delayed
     return RigState(
-        memory[4:amplifier_at], memory[amplifier_at:hysteresis_at],
-        memory[hysteresis_at:mechanics_at], memory[mechanics_at:displacement_at],
+        memory[5:before_at], memory[before_at:hysteresis_at],
+        memory[hysteresis_at:behind_at], memory[behind_at:displacement_at],
         memory[displacement_at:relaxed_at], memory[relaxed_at:drift_at],
-        memory[drift_at:scratch_at], memory[scratch_at:scratch_at + 5])
+        memory[drift_at:delayed_at], memory[delayed_at:scratch_at],
+        memory[scratch_at:scratch_at + max(order_before, order_behind)])
 
 
 @step
@@ -100,21 +102,24 @@ def unpacked_rig(
     memory: Any, creep: CreepConstants | None,
 ) -> tuple[RigState, RigConstants]:
     """Return state and constants of a rig as views of its memory."""
-    elements, first_order, second_order = int(memory[0]), int(memory[1]), int(memory[2])
-    at = 15 + first_order + state_size(elements) + second_order + int(memory[3])
+    elements, order_before, order_behind = int(memory[0]), int(memory[1]), int(memory[2])
+    at = (
+        12 + order_before + state_size(elements) + order_behind + int(memory[3]) + int(memory[4])
+        + max(order_before, order_behind))
     state = unpacked_state(memory)
     dac = _converter_at(memory, at)
     slew_step_v = memory[at + 4]
     at += 5
-    amplifier = _linear_at(memory, at, first_order)
-    at += first_order * (first_order + 2) + 1
+    before = _linear_at(memory, at, order_before)
+    at += order_before * (order_before + 2) + 1
     hysteresis = _hysteresis_at(memory, at, elements)
     at += 3 * elements + 4
-    mechanics = _linear_at(memory, at, second_order)
-    at += second_order * (second_order + 2) + 1
+    behind = _linear_at(memory, at, order_behind)
+    at += order_behind * (order_behind + 2) + 1
     return state, RigConstants(
-        dac, slew_step_v, amplifier, hysteresis, mechanics, memory[at] > 0.0, memory[at + 1],
-        _converter_at(memory, at + 2), creep)
+        dac, slew_step_v, before, hysteresis, behind, memory[at] > 0.0, memory[at + 1],
+        _converter_at(memory, at + 2), int(memory[at + 6]), int(memory[at + 7]),
+        int(memory[at + 8]), creep)
 
 
 @step

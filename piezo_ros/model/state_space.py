@@ -32,10 +32,17 @@ First-order hold, the input straight from sample to sample::
 In the state z[k] = x[k] - G1 u[k] the next input is not needed::
 
     z[k+1] = Ad z[k] + (Ad G1 + G0 - G1) u[k],   y[k] = C z[k] + (C G1 + D) u[k]
+
+Zero-order hold behind a delay of (n + r) Ts, 0 <= r < 1, where u[k-1] acts during the first r Ts of
+a period and u[k] during the rest::
+
+    x[k+1] = exp(A Ts) x[k] + exp(A (1 - r) Ts) Phi(r Ts) B u[k-n-1] + Phi((1 - r) Ts) B u[k-n],
+    Phi(t) = integral from 0 to t of exp(A s) ds
 """
 
 import math
-from typing import Any, NamedTuple
+from collections.abc import Sequence
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,17 +51,24 @@ from piezo_ros.model.step import Vector, step
 
 __all__ = [
     'LinearConstants',
+    'Quadratic',
     'StateSpace',
+    'discretise_delayed_hold',
     'discretise_first_order_hold',
     'discretise_zero_order_hold',
     'first_order_lag',
+    'frequency_response',
     'gain',
+    'lags',
     'linear_constants',
     'output_then_update',
     'second_order_lag',
     'series',
     'update_then_output',
+    'with_zeros',
 ]
+
+_FRACTION_FLOOR: Final = 1e-9  # of a sample: a delay this close to whole samples is whole
 
 
 class StateSpace(NamedTuple):
@@ -96,6 +110,115 @@ def second_order_lag(natural_frequency_rad_per_s: float, damping_ratio: float) -
         np.array([[1.0, 0.0]]), np.array([[0.0]]))
 
 
+class Quadratic(NamedTuple):
+    """The factor 1 + linear s + square s^2; square is 0 for a real root."""
+
+    linear: float  # s/rad
+    square: float  # s^2/rad^2
+
+    @classmethod
+    def of_rate(cls, rate_rad_per_s: float) -> 'Quadratic':
+        """Return s/r + 1."""
+        return cls(1.0 / rate_rad_per_s, 0.0)
+
+    @classmethod
+    def of_pair(cls, frequency_rad_per_s: float, damping_ratio: float) -> 'Quadratic':
+        """Return (s/w)^2 + 2 zeta s/w + 1."""
+        w = frequency_rad_per_s
+        return cls(2.0 * damping_ratio / w, 1.0 / (w * w))
+
+    @property
+    def order(self) -> int:
+        """Number of its roots."""
+        return 2 if self.square else 1
+
+    @property
+    def polynomial(self) -> list[float]:
+        """Coefficients, highest power of s first."""
+        return [self.square, self.linear, 1.0] if self.square else [self.linear, 1.0]
+
+
+def lags(
+    rates_rad_per_s: Sequence[float], pairs: Sequence[tuple[float, float]],
+) -> StateSpace:
+    """
+    Return poles alone, of unit dc gain: first-order lags, then second-order ones.
+
+    Parameters
+    ----------
+    rates_rad_per_s : sequence of float
+        Real poles.
+    pairs : sequence of (rad/s, damping ratio)
+        Pole pairs.
+
+    """
+    systems = [first_order_lag(1.0 / rate) for rate in rates_rad_per_s]
+    systems += [second_order_lag(*pair) for pair in pairs]
+    return series(*systems) if systems else gain(1.0)
+
+
+def with_zeros(zeros: Sequence[Quadratic], poles: Sequence[Quadratic]) -> StateSpace:
+    """
+    Return zeros over poles, of unit dc gain, as a series of sections of first and second order.
+
+    Raises
+    ------
+    ValueError
+        If there are more zeros than poles.
+
+    """
+    if sum(zero.order for zero in zeros) > sum(pole.order for pole in poles):
+        raise ValueError('there are more zeros than poles')
+    if not poles:
+        return gain(1.0)
+    denominators, numerators = _in_pairs(poles), _in_pairs(zeros)
+    # Zeros of second order fit poles of second order, of which there are as many or more.
+    single = [each for each in numerators if each.order == 1]
+    numerators = [each for each in numerators if each.order == 2]
+    denominators.sort(key=lambda each: -each.order)
+    numerators += single
+    none = Quadratic(0.0, 0.0)
+    numerators += [none] * (len(denominators) - len(numerators))
+    return series(*map(_section, numerators, denominators))
+
+
+def _in_pairs(factors: Sequence[Quadratic]) -> list[Quadratic]:
+    """Return the factors with those of first order multiplied in twos; one may be left."""
+    found = [each for each in factors if each.order == 2]
+    real = sorted((each for each in factors if each.order == 1), key=lambda each: each.linear)
+    found += [
+        Quadratic(one.linear + other.linear, one.linear * other.linear)
+        for one, other in zip(real[::2], real[1::2], strict=False)]
+    return found + real[len(real) - len(real) % 2:]
+
+
+def _section(numerator: Quadratic, denominator: Quadratic) -> StateSpace:
+    """Return a numerator over a denominator of the same order or higher."""
+    if denominator.order == 1:
+        rate = 1.0 / denominator.linear
+        lag = first_order_lag(denominator.linear)
+        return StateSpace(
+            lag.a, lag.b, np.array([[1.0 - numerator.linear * rate]]),
+            np.array([[numerator.linear * rate]]))
+    w = 1.0 / math.sqrt(denominator.square)
+    damping = 0.5 * denominator.linear * w
+    lag = second_order_lag(w, damping)
+    linear, square = numerator.linear * w, numerator.square * w * w
+    return StateSpace(
+        lag.a, lag.b, np.array([[1.0 - square, linear - 2.0 * damping * square]]),
+        np.array([[square]]))
+
+
+def frequency_response(
+    system: StateSpace, points: NDArray[np.complex128],
+) -> NDArray[np.complex128]:
+    """Return C (p I - A)^-1 B + D at points p, shape (N,): of s, or of z for a discrete one."""
+    order = len(system.a)
+    pencil = points[:, None, None] * np.eye(order) - system.a
+    states = np.linalg.solve(pencil, np.broadcast_to(system.b, (points.size, order, 1)))
+    return np.asarray((system.c @ states)[:, 0, 0] + system.d[0, 0])
+
+
 def series(*systems: StateSpace) -> StateSpace:
     """Return the series connection, the first system taking the input."""
     whole = systems[0]
@@ -118,6 +241,46 @@ def discretise_zero_order_hold(system: StateSpace, sample_period_s: float) -> St
     augmented[:n, n:] = system.b * sample_period_s
     exponential = _exponential(augmented)
     return StateSpace(exponential[:n, :n], exponential[:n, n:], system.c, system.d)
+
+
+def discretise_delayed_hold(
+    system: StateSpace, sample_period_s: float, delay_s: float,
+) -> tuple[StateSpace, int]:
+    """
+    Return the exact samples of a system behind a zero-order hold and a pure delay.
+
+    Parameters
+    ----------
+    system : StateSpace
+        The continuous system, without feedthrough.
+    sample_period_s : float
+        Sample period, seconds.
+    delay_s : float
+        The delay, seconds, not below 0.
+
+    Returns
+    -------
+    system : StateSpace
+        The discrete system; a delay of a fraction of a sample adds a state.
+    whole : int
+        Whole samples of delay that remain.
+
+    """
+    discrete = discretise_zero_order_hold(system, sample_period_s)
+    whole = math.floor(delay_s / sample_period_s + _FRACTION_FLOOR)
+    late_s = delay_s - whole * sample_period_s
+    if late_s <= _FRACTION_FLOOR * sample_period_s:
+        return discrete, whole
+    # u[k-1] acts during the first late_s of the period, u[k] during the rest.
+    order = system.a.shape[0]
+    early = discretise_zero_order_hold(system, sample_period_s - late_s)
+    late = discretise_zero_order_hold(system, late_s)
+    a = np.zeros((order + 1, order + 1))
+    a[:order, :order] = discrete.a
+    a[:order, order:] = early.a @ late.b
+    b = np.vstack([early.b, [[1.0]]])
+    c = np.hstack([discrete.c, [[0.0]]])
+    return StateSpace(a, b, c, discrete.d), whole
 
 
 def discretise_first_order_hold(system: StateSpace, sample_period_s: float) -> StateSpace:

@@ -18,6 +18,9 @@ from collections.abc import Mapping
 from importlib import metadata
 from typing import Any
 
+from piezo_ros.control import TrajectoryParameters
+from piezo_ros.model import ParameterError
+
 __all__ = ['run_metadata', 'software_versions']
 
 _DESCRIBING = {
@@ -64,6 +67,16 @@ def run_metadata(parameters: Mapping[str, Mapping[str, Any]]) -> dict[str, str]:
         name: str(parameters[node][name])
         for node, names in _DESCRIBING.items() if node in parameters
         for name in names if name in parameters[node]}
+    if 'harmonics' in entries:
+        entries['harmonics'] = _harmonics(parameters['trajectory'])
     entries.update(
         (f'version.{name}', version) for name, version in software_versions().items() if version)
     return entries
+
+
+def _harmonics(trajectory: Mapping[str, Any]) -> str:
+    """Return the highest harmonic that the run had, also where the node was to choose it."""
+    try:
+        return str(TrajectoryParameters.among(trajectory).harmonics)
+    except ParameterError:  # of a foreign node
+        return str(trajectory['harmonics'])

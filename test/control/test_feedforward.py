@@ -147,7 +147,7 @@ def test_it_depends_on_the_phase_within_the_period_alone():
      'harmonics is 9: harmonic 9 of 6000 Hz is at 54000 Hz, it must be below the Nyquist freque'),
     ({'harmonics': 1, 'waveform': 'decreasing_triangle'},
      "waveform 'decreasing_triangle' is not periodic, harmonics must be 0"),
-    ({'harmonics': -1}, 'harmonics is -1, allowed is 0 … 9999'),
+    ({'harmonics': -2}, 'harmonics is -2, allowed is -1 … 9999'),
 ])
 def test_harmonics_that_do_not_exist_are_refused(values, message):
     with pytest.raises(ParameterError) as refusal:

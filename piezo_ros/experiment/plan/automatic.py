@@ -36,6 +36,7 @@ from piezo_ros.parameters.run import PlannedRun
 
 if TYPE_CHECKING:  # the mathematics is imported only where a run asks for it
     from piezo_ros.identification import OperatingPoint
+    from piezo_ros.identification.prediction.accuracy import ModelAccuracy
     from piezo_ros.identification.tuning.linear_plant import Bound
 
 __all__ = [
@@ -69,11 +70,14 @@ class Known:
         Node to parameters, out of ``known_rig_files``.
     bound : control.TransferFunction or None
         W(s), out of ``uncertainty_bound_file``.
+    accuracy : ModelAccuracy or None
+        What the model files of the plan tell of their own errors.
 
     """
 
     sections: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     bound: 'Bound | None' = None
+    accuracy: 'ModelAccuracy | None' = None
 
 
 def known_rig(
@@ -89,7 +93,7 @@ def known_rig(
     ----------
     sections : mapping of str to mapping
         One of `KNOWN_NODES` to parameters that are better known than those of the run. Parameters
-        other than data sheet, hysteresis and dynamics are ignored.
+        other than data sheet, hysteresis, dynamics and the order of the rig are ignored.
     plant : RigParameters
         The plant of the run; only its data sheet is read.
     compensator : HysteresisParameters
@@ -100,8 +104,8 @@ def known_rig(
     Returns
     -------
     RigParameters
-        A rig without mismatches, in physical order: a lumped rig predicts high harmonics that
-        hysteresis before the mechanics does not produce.
+        A rig without mismatches. Its poles are before and behind the hysteresis as the dynamics
+        say, unless the sections tell of ``order: lumped``.
 
     Raises
     ------
@@ -115,10 +119,13 @@ def known_rig(
         (DynamicsParameters, trajectory, 'trajectory'),
     ):
         names = parameter_set.names()
-        values.update({name: getattr(own, name) for name in names})
-        values.update(_chosen(sections, node, names))
-    values.update(_chosen(sections, 'plant', _DATA_SHEET))
-    return RigParameters.from_mapping({**values, 'order': 'physical'})
+        chosen = _chosen(sections, node, names)
+        # A model of another structure takes the place of the whole of it.
+        if not chosen or chosen.get('dynamics', 'liu') == getattr(own, 'dynamics', 'liu'):
+            values.update({name: getattr(own, name) for name in names})
+        values.update(chosen)
+    values.update(_chosen(sections, 'plant', (*_DATA_SHEET, 'order')))
+    return RigParameters.from_mapping({'order': 'physical', **values})
 
 
 def _chosen(
@@ -135,6 +142,7 @@ def predict(
     undecided: Collection[str],
     *,
     bound: 'Bound | None' = None,
+    accuracy: 'ModelAccuracy | None' = None,
     score_periods: float = 4.0,
 ) -> 'OperatingPoint':
     """
@@ -154,6 +162,8 @@ def predict(
         The parameters to decide: ``'scheme'``, ``'harmonics'`` or both.
     bound : UncertaintyBound, control.TransferFunction or callable, optional
         W(s), the uncertainty of the known dynamics.
+    accuracy : ModelAccuracy, optional
+        What identification tells of the errors of the models.
     score_periods : float, optional
         Periods at the end of the run that will be scored.
 
@@ -182,10 +192,11 @@ def predict(
     if 'scheme' in undecided:
         return predict_operating_point(
             known, trajectory, controller, harmonics_open='harmonics' in undecided,
-            compensator=compensator, uncertainty=bound, score_periods=score_periods)
+            compensator=compensator, uncertainty=bound, accuracy=accuracy,
+            score_periods=score_periods)
     choice = choose_harmonics(
         known, trajectory, controller, compensator=compensator, uncertainty=bound,
-        score_periods=score_periods)
+        accuracy=accuracy, score_periods=score_periods)
     scheme = controller.scheme
     return OperatingPoint(
         trajectory.amplitude_um, trajectory.frequency_hz, {scheme: choice.chosen},
@@ -245,7 +256,7 @@ def decide(
         prediction = predict(
             known_rig(known.sections, run.plant, run.compensator, run.trajectory),
             run.compensator, run.controller, run.trajectory, undecided, bound=known.bound,
-            score_periods=score_periods)
+            accuracy=known.accuracy, score_periods=score_periods)
     except ValueError as error:
         raise PlanError(f'{where}: {" and ".join(undecided)} auto: {error}') from None
     parameters = {node: dict(values) for node, values in run.parameters.items()}

@@ -21,7 +21,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
-from piezo_ros.experiment.model_file import read_bound
+from piezo_ros.experiment.model_file import read_accuracy, read_bound
 from piezo_ros.experiment.plan.automatic import KNOWN_NODES, Known
 from piezo_ros.experiment.plan.run_entry import RUN_KEYS, SHORT_KEYS, checked_parameters, plan_run
 from piezo_ros.parameters.errors import PlanError
@@ -190,7 +190,13 @@ def _read_known(path: Path, content: Mapping[str, Any]) -> Known:
         raise PlanError(
             f'{path}: known_rig_files say nothing of {", ".join(KNOWN_NODES)}')
     file = content.get('uncertainty_bound_file')
-    return Known(sections, None if file is None else read_bound(path.parent / str(file)))
+    # Later files count more, and what is known of the rig more than what the runs have.
+    files = [
+        path.parent / str(name) for key in ('parameter_files', 'known_rig_files')
+        for name in _list(path, key, content.get(key, []))]
+    return Known(
+        sections, None if file is None else read_bound(path.parent / str(file)),
+        read_accuracy(files))
 
 
 def _combinations(where: str, entry: Mapping[str, Any]) -> list[dict[str, Any]]:

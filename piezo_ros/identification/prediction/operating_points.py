@@ -50,6 +50,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from piezo_ros.control import ControllerParameters, TrajectoryParameters
+from piezo_ros.identification.prediction.accuracy import ErrorInterval, ModelAccuracy
+from piezo_ros.identification.prediction.harmonics_choice import (
+    HarmonicsChoice,
+    choose_harmonics,
+)
 from piezo_ros.identification.prediction.tracking import TrackingPrediction, predict_tracking
 from piezo_ros.identification.tuning.feedback_table import (
     FeedbackTable,
@@ -57,7 +62,7 @@ from piezo_ros.identification.tuning.feedback_table import (
 )
 from piezo_ros.identification.tuning.linear_plant import Bound, Model
 from piezo_ros.identification.tuning.loop_shape import LoopShape, loop_shape
-from piezo_ros.model import HysteresisParameters, LinearDynamics, ParameterError, RigParameters
+from piezo_ros.model import HysteresisParameters, LinearDynamics, RigParameters
 
 __all__ = [
     'HarmonicsChoice',
@@ -71,47 +76,6 @@ __all__ = [
 ]
 
 _CANDIDATES: Final = ('ff', 'fbff', 'fb')
-_HIGHEST_HARMONIC: Final = 41
-_GOOD_ENOUGH: Final = 0.01  # relative, above the least error, for fewer harmonics
-
-
-@dataclass(frozen=True)
-class HarmonicsChoice:
-    """
-    The chosen number of harmonics and the alternatives, under one scheme.
-
-    Attributes
-    ----------
-    harmonics : int
-        The fewest within 1 % of the least predicted error.
-    predictions : tuple of TrackingPrediction
-        One for each m that was tried, ascending.
-
-    """
-
-    harmonics: int
-    predictions: tuple[TrackingPrediction, ...]
-
-    @property
-    def predicted_nrmse_percent(self) -> dict[int, float]:
-        """Expected NRMSE for each m, percent of the peak-to-peak reference."""
-        return {one.harmonics: one.nrmse_percent for one in self.predictions}
-
-    @property
-    def chosen(self) -> TrackingPrediction:
-        """The prediction for the chosen number."""
-        return next(one for one in self.predictions if one.harmonics == self.harmonics)
-
-    @property
-    def reason(self) -> str:
-        """Why this number, in one sentence."""
-        errors = self.predicted_nrmse_percent
-        text = (
-            f'm = {self.harmonics}: {self.chosen.nrmse_percent:.3g} %, the fewest of '
-            f'{min(errors)} … {max(errors)} within 1 % of the least predicted error')
-        limited = [one.harmonics for one in self.predictions if one.is_limited]
-        return text + (
-            f'; the amplifier is at its limits from m = {limited[0]} on' if limited else '')
 
 
 @dataclass(frozen=True)
@@ -149,6 +113,24 @@ class OperatingPoint:
         """The scheme of least predicted error: ``'ff'``, ``'fbff'`` or ``'fb'``."""
         errors = self.predicted_nrmse_percent
         return min(errors, key=lambda name: errors[name])
+
+    @property
+    def schemes_by_place(self) -> tuple[str, ...]:
+        """The scheme of least error for each possible place of the hysteresis, its own first."""
+        by_place = {name: one.by_place_percent for name, one in self.predictions.items()}
+        counts = min(map(len, by_place.values()))
+        return tuple(
+            min(by_place, key=lambda name: by_place[name][i]) for i in range(counts))
+
+    @property
+    def depends_on_place(self) -> bool:
+        """Whether another scheme is better with another place of the hysteresis."""
+        return len(set(self.schemes_by_place)) > 1
+
+    @property
+    def interval(self) -> ErrorInterval:
+        """Where the NRMSE under the scheme to use is expected, percent."""
+        return self.chosen.interval
 
     @property
     def chosen(self) -> TrackingPrediction:
@@ -194,6 +176,10 @@ class OperatingPoint:
                 f'|S| = 1 at {self.feedback_acceptable_frequency_hz:.4g} Hz' if self.loop.stable
                 else 'the loop is not stable')
             sentences.append(f'{self.scheme} is predicted to err least: {listed}; {stability}')
+        if self.depends_on_place:
+            sentences.append(
+                'which poles are before the hysteresis is not decided, and the scheme depends on '
+                f'it: {", ".join(self.schemes_by_place)}')
         if self.scheme in self.choices:
             sentences.append(self.choices[self.scheme].reason)
         return '. '.join(sentences)
@@ -204,71 +190,14 @@ class OperatingPoint:
             'scheme': self.scheme,
             'harmonics': self.chosen.harmonics,
             'nrmse_percent': self.nrmse_percent,
+            'low_percent': self.interval.low_percent,
+            'high_percent': self.interval.high_percent,
+            'unknown': list(self.chosen.unknown),
+            'depends_on_place': self.depends_on_place,
             'by_scheme': self.predicted_nrmse_percent,
             'by_harmonics': {str(m): percent for m, percent in self.by_harmonics.items()},
             'reason': self.reason,
         }
-
-
-def choose_harmonics(
-    model: Model | RigParameters,
-    trajectory: TrajectoryParameters,
-    controller: ControllerParameters,
-    *,
-    compensator: HysteresisParameters | None = None,
-    uncertainty: Bound | None = None,
-    highest: int = _HIGHEST_HARMONIC,
-    score_periods: float = 4.0,
-) -> HarmonicsChoice:
-    """
-    Return how many harmonics the feedforward should have.
-
-    Parameters
-    ----------
-    model, compensator, uncertainty, score_periods
-        As for `predict_tracking`.
-    trajectory : TrajectoryParameters
-        The scan, a triangle or a sine, with the dynamics that the feedforward inverts; its own
-        ``harmonics`` does not matter.
-    controller : ControllerParameters
-        Gains and scheme, ``'ff'`` or ``'fbff'``.
-    highest : int, optional
-        Highest harmonic that is tried, as far as it is below the Nyquist frequency.
-
-    Returns
-    -------
-    HarmonicsChoice
-        The choice, and the predicted error of every odd m.
-
-    Raises
-    ------
-    ParameterError
-        If the scheme has no feedforward, or the waveform no Fourier series.
-    ValueError
-        If ``highest`` is below 1, or the run has fewer periods than are scored.
-
-    """
-    if not controller.uses_feedforward:
-        raise ParameterError(
-            f'scheme is {controller.scheme!r}, which has no feedforward; allowed are ff, fbff')
-    if highest < 1:
-        raise ValueError(f'highest is {highest}, it must be 1 at least')
-    predictions = tuple(
-        predict_tracking(
-            model, trajectory.replaced(harmonics=harmonics), controller, compensator=compensator,
-            uncertainty=uncertainty, score_periods=score_periods)
-        for harmonics in _numbers_of_harmonics(trajectory, highest))
-    enough = min(one.nrmse_percent for one in predictions) * (1.0 + _GOOD_ENOUGH)
-    return HarmonicsChoice(
-        next(one.harmonics for one in predictions if one.nrmse_percent <= enough), predictions)
-
-
-def _numbers_of_harmonics(trajectory: TrajectoryParameters, highest: int) -> range:
-    """Return the odd numbers of harmonics that waveform and sampling allow."""
-    if trajectory.waveform == 'sine':
-        return range(1, 2)
-    nyquist = 0.5 / (trajectory.frequency_hz * trajectory.sample_period_s)
-    return range(1, min(highest, math.ceil(nyquist) - 1) + 1, 2)
 
 
 def predict_operating_point(
@@ -279,6 +208,7 @@ def predict_operating_point(
     harmonics_open: bool = True,
     compensator: HysteresisParameters | None = None,
     uncertainty: Bound | None = None,
+    accuracy: ModelAccuracy | None = None,
     score_periods: float = 4.0,
 ) -> OperatingPoint:
     """
@@ -286,7 +216,7 @@ def predict_operating_point(
 
     Parameters
     ----------
-    model, compensator, uncertainty, score_periods
+    model, compensator, uncertainty, accuracy, score_periods
         As for `predict_tracking`. Only a rig shows where the amplifier cannot follow.
     trajectory : TrajectoryParameters
         The scan, a triangle or a sine, with the dynamics that its feedforward inverts.
@@ -320,13 +250,13 @@ def predict_operating_point(
         if harmonics_open and law.uses_feedforward:
             choices[scheme] = choose_harmonics(
                 model, trajectory, law, compensator=compensator, uncertainty=uncertainty,
-                score_periods=score_periods)
+                accuracy=accuracy, score_periods=score_periods)
             predictions[scheme] = choices[scheme].chosen
         else:
             scan = trajectory.replaced(harmonics=0) if harmonics_open else trajectory
             predictions[scheme] = predict_tracking(
                 model, scan, law, compensator=compensator, uncertainty=uncertainty,
-                score_periods=score_periods)
+                accuracy=accuracy, score_periods=score_periods)
     return OperatingPoint(
         trajectory.amplitude_um, trajectory.frequency_hz, predictions, choices, loop)
 
@@ -338,6 +268,7 @@ def recommend_scheme(
     *,
     compensator: HysteresisParameters | None = None,
     uncertainty: Bound | None = None,
+    accuracy: ModelAccuracy | None = None,
     score_periods: float = 4.0,
 ) -> OperatingPoint:
     """
@@ -347,7 +278,7 @@ def recommend_scheme(
     """
     return predict_operating_point(
         model, trajectory, controller, harmonics_open=False, compensator=compensator,
-        uncertainty=uncertainty, score_periods=score_periods)
+        uncertainty=uncertainty, accuracy=accuracy, score_periods=score_periods)
 
 
 def predict_operating_points(
@@ -359,13 +290,14 @@ def predict_operating_points(
     harmonics_open: bool = True,
     compensator: HysteresisParameters | None = None,
     uncertainty: Bound | None = None,
+    accuracy: ModelAccuracy | None = None,
 ) -> tuple[OperatingPoint, ...]:
     """
     Return the scheme and the number of harmonics to use at several operating points.
 
     Parameters
     ----------
-    model, controller, harmonics_open, compensator, uncertainty
+    model, controller, harmonics_open, compensator, uncertainty, accuracy
         As for `predict_operating_point`.
     trajectory : TrajectoryParameters
         The scan; its own amplitude and frequency do not matter.
@@ -377,7 +309,7 @@ def predict_operating_points(
         predict_operating_point(
             model, trajectory.replaced(amplitude_um=amplitude_um, frequency_hz=frequency_hz),
             controller, harmonics_open=harmonics_open, compensator=compensator,
-            uncertainty=uncertainty)
+            uncertainty=uncertainty, accuracy=accuracy)
         for amplitude_um, frequency_hz in cells)
 
 
@@ -399,13 +331,14 @@ def equal_error_frequency_hz(
     *,
     compensator: HysteresisParameters | None = None,
     uncertainty: Bound | None = None,
+    accuracy: ModelAccuracy | None = None,
 ) -> float:
     """
     Return the frequency of the scan at which FF and FBFF are predicted to do equally well.
 
     Parameters
     ----------
-    model, controller, compensator, uncertainty
+    model, controller, compensator, uncertainty, accuracy
         As for `predict_operating_point`.
     trajectory : TrajectoryParameters
         Waveform, amplitude and harmonics; its own frequency does not matter.
@@ -423,7 +356,7 @@ def equal_error_frequency_hz(
     return _crossing_of_points(predict_operating_points(
         model, trajectory, controller,
         [(trajectory.amplitude_um, frequency) for frequency in frequencies.tolist()],
-        harmonics_open=False, compensator=compensator, uncertainty=uncertainty))
+        harmonics_open=False, compensator=compensator, uncertainty=uncertainty, accuracy=accuracy))
 
 
 def feedback_table(points: Sequence[OperatingPoint]) -> FeedbackTable:

@@ -31,7 +31,8 @@ parts have unrelated phases:
     NRMSE^2 = (sum_k (|E_k|^2 + |uncertain_k|^2)/2 + mean square of harmonics not listed) / (2 A)^2
 
 A rig (hysteresis, rails, slew limit) is simulated too; the simulated NRMSE then takes the place of
-the known part.
+the known part. Where the place of the hysteresis among its poles is not decided, it is simulated
+with each. What identification knows of the errors of its models adds its parts, see `accuracy`.
 
 Examples
 --------
@@ -55,6 +56,12 @@ from numpy.typing import NDArray
 
 from piezo_ros.control import ControllerParameters, TrajectoryParameters, simulate
 from piezo_ros.control.feedforward import fourier_amplitudes, mean_square_um2
+from piezo_ros.identification.prediction.accuracy import (
+    ErrorInterval,
+    ModelAccuracy,
+    error_interval,
+)
+from piezo_ros.identification.prediction.placement import placements
 from piezo_ros.identification.tuning.linear_plant import Bound, Model, bound_magnitude
 from piezo_ros.identification.tuning.pi_loop import PiLoop
 from piezo_ros.model import HysteresisParameters, LinearDynamics, RigParameters
@@ -65,6 +72,8 @@ _MOST_HARMONICS: Final = 2001
 # fs / f is rarely representable: whole periods are counted with this much tolerance, in samples.
 _ROUNDING_SAMPLES: Final = 1e-6
 _SLEW_TOLERANCE: Final = 1e-9
+_RESIDUAL_HARMONICS: Final = np.arange(1, 10, 2)
+_NOTHING_KNOWN: Final = ModelAccuracy().unknown(bound=False)
 
 _Floats = NDArray[np.float64]
 _Complexes = NDArray[np.complex128]
@@ -100,6 +109,18 @@ class TrackingPrediction:
         deviations from the operating point; None without a rig.
     slew_limited, rail_limited : bool
         Whether the amplifier cannot follow; false without a rig.
+    model_percent, hysteresis_percent : float
+        The parts that are due to the errors of the dynamics and of the hysteresis as far as
+        identification tells them.
+    noise_percent : float
+        The part of the simulated NRMSE that is noise of the sensor.
+    by_place_percent : tuple of float
+        Simulated NRMSE for each place of the hysteresis that is possible, that of the rig first;
+        empty where the place is known.
+    unknown : tuple of str
+        Parts of which nothing is known; the interval then has no upper end.
+    residual_gain : float
+        How much larger the residual of the hysteresis is in the run than at rest.
 
     """
 
@@ -118,20 +139,44 @@ class TrackingPrediction:
     voltage_maximum_v: float | None = None
     slew_limited: bool = False
     rail_limited: bool = False
+    model_percent: float = 0.0
+    hysteresis_percent: float = 0.0
+    noise_percent: float = 0.0
+    by_place_percent: tuple[float, ...] = ()
+    unknown: tuple[str, ...] = _NOTHING_KNOWN
+    residual_gain: float = field(default=1.0, repr=False, compare=False)
+
+    @property
+    def dynamics_percent(self) -> float:
+        """The part due to errors of the dynamics: W(s), or their own error where it is larger."""
+        return max(self.uncertainty_percent, self.model_percent)
 
     @property
     def nrmse_percent(self) -> float:
-        """Expected NRMSE: the simulated run with the uncertainty, without a rig the spectra."""
+        """Expected NRMSE: the simulated run, without a rig the spectra, with the other parts."""
         if self.simulated_nrmse_percent is None:
-            return self.linear_nrmse_percent
-        return math.hypot(self.simulated_nrmse_percent, self.uncertainty_percent)
+            return math.hypot(self.linear_nrmse_percent, self.hysteresis_percent)
+        return math.hypot(
+            self.simulated_nrmse_percent, self.dynamics_percent, self.hysteresis_percent)
+
+    @property
+    def interval(self) -> ErrorInterval:
+        """Where the NRMSE is expected, percent."""
+        known = self.by_place_percent
+        if not known:
+            linear = math.sqrt(max(
+                self.linear_nrmse_percent**2 - self.uncertainty_percent**2, 0.0))
+            known = (
+                linear if self.simulated_nrmse_percent is None else self.simulated_nrmse_percent,)
+        return error_interval(
+            known, self.dynamics_percent, self.hysteresis_percent, self.unknown)
 
     @property
     def is_limited(self) -> bool:
         """Whether the amplifier reaches its slew limit or a rail."""
         return self.slew_limited or self.rail_limited
 
-    def record(self) -> dict[str, float | bool | None]:
+    def record(self) -> dict[str, float | bool | list[float] | list[str] | None]:
         """Return every number under its name, for report.json and tables."""
         return {
             'harmonics': self.harmonics,
@@ -140,6 +185,13 @@ class TrackingPrediction:
             'simulated_nrmse_percent': self.simulated_nrmse_percent,
             'truncation_percent': self.truncation_percent,
             'uncertainty_percent': self.uncertainty_percent,
+            'model_percent': self.model_percent,
+            'hysteresis_percent': self.hysteresis_percent,
+            'noise_percent': self.noise_percent,
+            'low_percent': self.interval.low_percent,
+            'high_percent': self.interval.high_percent,
+            'by_place_percent': list(self.by_place_percent),
+            'unknown': list(self.unknown),
             'slew_v_per_s': self.slew_v_per_s,
             'slew_limited': self.slew_limited,
             'rail_limited': self.rail_limited,
@@ -154,6 +206,8 @@ def predict_tracking(
     compensator: HysteresisParameters | None = None,
     uncertainty: Bound | None = None,
     score_periods: float = 4.0,
+    accuracy: ModelAccuracy | None = None,
+    every_place: bool = True,
 ) -> TrackingPrediction:
     """
     Return the error to expect of a run.
@@ -163,8 +217,8 @@ def predict_tracking(
     model : LinearDynamics, DynamicsFit, control.TransferFunction or RigParameters
         The best known model of the compensated actuator; the feedforward inverts the dynamics in
         ``trajectory``, which may differ. A rig (identified dynamics and hysteresis, slew limit
-        and rails of the amplifier) is simulated too. Its order should be ``physical``: a lumped rig
-        predicts high harmonics that hysteresis before the mechanics does not produce.
+        and rails of the amplifier) is simulated too, with its poles before and behind the
+        hysteresis; where ``hysteresis_place`` is ``'undecided'``, with every place.
     trajectory : TrajectoryParameters
         A triangle or a sine, its feedforward and the sample period.
     controller : ControllerParameters
@@ -175,6 +229,10 @@ def predict_tracking(
         W(s), or a measured |Delta| as a function of the frequency in hertz.
     score_periods : float, optional
         Periods at the end of the simulated run that are scored.
+    accuracy : ModelAccuracy, optional
+        What identification knows of the errors of hysteresis and dynamics.
+    every_place : bool, optional
+        Whether to simulate every place of the hysteresis where it is not decided.
 
     Returns
     -------
@@ -189,17 +247,29 @@ def predict_tracking(
         If a simulated run has fewer periods than are to be scored.
 
     """
+    known = accuracy or ModelAccuracy()
     if not isinstance(model, RigParameters):
-        return _by_spectra(model, trajectory, controller, uncertainty)
+        return _by_spectra(model, trajectory, controller, uncertainty, known)
     prediction = _by_spectra(
-        LinearDynamics(model.true_dynamics), trajectory, controller, uncertainty)
-    return _with_simulation(
+        LinearDynamics(model.true_dynamics), trajectory, controller, uncertainty, known)
+    prediction = _with_simulation(
         prediction, model, trajectory, controller, compensator or model, score_periods)
+    others = placements(model)[1:] if every_place and model.order == 'physical' else ()
+    by_place = [
+        _with_simulation(
+            prediction, other, trajectory, controller, compensator or model, score_periods,
+        ).simulated_nrmse_percent
+        for other in others if isinstance(other, RigParameters)]
+    return replace(
+        _with_residual(prediction, model, trajectory, known),
+        by_place_percent=tuple(
+            percent for percent in (prediction.simulated_nrmse_percent, *by_place)
+            if percent is not None) if by_place else ())
 
 
 def _by_spectra(
     model: Model, trajectory: TrajectoryParameters, controller: ControllerParameters,
-    uncertainty: Bound | None,
+    uncertainty: Bound | None, accuracy: ModelAccuracy,
 ) -> TrackingPrediction:
     """Return the error of a linear rig, harmonic by harmonic."""
     period_s = trajectory.sample_period_s
@@ -227,6 +297,14 @@ def _by_spectra(
     uncertain: _Floats = np.zeros(order.size)
     if uncertainty is not None:
         uncertain = np.abs(sensitivity * output) * bound_magnitude(uncertainty, frequency)
+    model_error = np.abs(sensitivity * output) * accuracy.relative_error(frequency)
+    # The residual of the hysteresis has the harmonics of the scan, with 1/k, as far as is sampled.
+    low = frequency[:1] * _RESIDUAL_HARMONICS[_RESIDUAL_HARMONICS < 0.5 / (
+        trajectory.frequency_hz * period_s)]
+    passed = np.abs(loop.plant_response(low)) / abs(loop.plant.dc_gain)
+    if controller.uses_feedback and any(gains):
+        passed = passed * np.abs(loop.sensitivity(low))
+    weight = 1.0 / _RESIDUAL_HARMONICS[:low.size] ** 2
     whole_um2 = mean_square_um2(trajectory.waveform, trajectory.amplitude_um)
     left_out_um2 = max(whole_um2 - 0.5 * float(np.sum(amplitude**2)), 0.0)
 
@@ -240,7 +318,9 @@ def _by_spectra(
         truncation_percent=percent(np.abs(known[order > trajectory.harmonics]), left_out_um2),
         uncertainty_percent=percent(uncertain, 0.0),
         frequency_hz=frequency, reference_um=amplitude, known_error_um=known,
-        uncertain_error_um=uncertain)
+        uncertain_error_um=uncertain, model_percent=percent(model_error, 0.0),
+        unknown=accuracy.unknown(bound=uncertainty is not None),
+        residual_gain=math.sqrt(float(np.average(passed**2, weights=weight))))
 
 
 def _feedforward_gain(
@@ -252,6 +332,21 @@ def _feedforward_gain(
         return np.full(order.size, 1.0 / trajectory.dc_gain, dtype=np.complex128)
     return np.where(
         order <= trajectory.harmonics, 1.0 / model.response(order * trajectory.frequency_hz), 0.0)
+
+
+def _with_residual(
+    prediction: TrackingPrediction, rig: RigParameters, trajectory: TrajectoryParameters,
+    accuracy: ModelAccuracy,
+) -> TrackingPrediction:
+    """Return the prediction with what the hysteresis leaves and with the share of the noise."""
+    assert prediction.voltage_maximum_v is not None
+    assert prediction.voltage_minimum_v is not None
+    amplitude_v = 0.5 * (prediction.voltage_maximum_v - prediction.voltage_minimum_v)
+    residual_um = prediction.residual_gain * accuracy.residual_um(amplitude_v, rig.noise_rms_um)
+    percent_per_um = 100.0 / (2.0 * trajectory.amplitude_um)
+    return replace(
+        prediction, hysteresis_percent=percent_per_um * residual_um,
+        noise_percent=percent_per_um * rig.noise_rms_um)
 
 
 def _with_simulation(

@@ -208,7 +208,8 @@ class DynamicsFit:
             '  ros__parameters:',
         ]
         fields = self.parameters.__dataclass_fields__
-        for name, value in self.parameters.to_mapping().items():
+        for name in self.standard_errors:
+            value = getattr(self.parameters, name)
             unit = constraint_of(fields[name]).unit
             error = f'{self.standard_errors[name]:.3g} {unit}'.rstrip()
             text.append(f'    {name}: {yaml_number(value)}  # standard error {error}')

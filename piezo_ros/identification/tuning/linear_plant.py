@@ -42,11 +42,9 @@ from typing import Any, Protocol, TypeAlias, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from piezo_ros.model.state_space import StateSpace, discretise_zero_order_hold
+from piezo_ros.model.state_space import StateSpace, discretise_delayed_hold, frequency_response
 
 __all__ = ['Bound', 'LinearPlant', 'Model', 'SampledPlant', 'bound_magnitude']
-
-_FRACTION_FLOOR = 1e-9  # of a sample: a delay this close to whole samples is whole
 
 
 class SupportsPolynomials(Protocol):
@@ -239,22 +237,9 @@ class LinearPlant:
             If the period is not positive and finite, or G(s) does not vanish at high frequencies.
 
         """
-        system = self.state_space
-        discrete = discretise_zero_order_hold(system, sample_period_s)
-        whole = math.floor(self.delay_s / sample_period_s + _FRACTION_FLOOR)
-        late_s = self.delay_s - whole * sample_period_s
-        if late_s <= _FRACTION_FLOOR * sample_period_s:
-            return SampledPlant(discrete, whole, sample_period_s)
-        # v[k-1] acts during the first late_s of the period, v[k] during the rest.
-        order = system.a.shape[0]
-        early = discretise_zero_order_hold(system, sample_period_s - late_s)
-        late = discretise_zero_order_hold(system, late_s)
-        a = np.zeros((order + 1, order + 1))
-        a[:order, :order] = discrete.a
-        a[:order, order:] = early.a @ late.b
-        b = np.vstack([early.b, [[1.0]]])
-        c = np.hstack([discrete.c, [[0.0]]])
-        return SampledPlant(StateSpace(a, b, c, discrete.d), whole, sample_period_s)
+        return SampledPlant(
+            *discretise_delayed_hold(self.state_space, sample_period_s, self.delay_s),
+            sample_period_s)
 
 
 @dataclass(frozen=True)
@@ -289,11 +274,7 @@ class SampledPlant:
         """
         frequency = np.asarray(frequency_hz, dtype=np.float64)
         z = np.exp(2j * np.pi * frequency.ravel() * self.sample_period_s)
-        order = self.system.a.shape[0]
-        states = np.linalg.solve(
-            z[:, None, None] * np.eye(order) - self.system.a,
-            np.broadcast_to(self.system.b, (z.size, order, 1)))
-        value = (self.system.c @ states)[:, 0, 0] * z ** -float(self.delay_samples)
+        value = frequency_response(self.system, z) * z ** -float(self.delay_samples)
         return np.asarray(value.reshape(frequency.shape))
 
 

@@ -18,6 +18,9 @@ The PI gains of least ITAE within limits of robustness, started by the crossover
     minimise ITAE = integral of t |e| dt, (9) in Liu 2015
     subject to |W T| < 1, (10),   |S| <= limit,   a stable loop with its delay
 
+The limit on |S| holds on the model, on the measured points and on the band of the model, as far as
+these are given.
+
 The search is over kP = g, kI = r g. Along a ray of fixed r the limits are kept from g = 0 up to
 some g, which is found by bisection; so every candidate is stable and within the limits, and no
 derivatives are needed.
@@ -52,6 +55,7 @@ from piezo_ros.identification.tuning.controller_file import controller_file
 from piezo_ros.identification.tuning.feedback_table import FeedbackTable
 from piezo_ros.identification.tuning.itae import itae
 from piezo_ros.identification.tuning.linear_plant import Bound, Model, bound_magnitude
+from piezo_ros.identification.tuning.loop_evidence import LoopEvidence
 from piezo_ros.identification.tuning.loop_shape import LoopShape, loop_shape
 from piezo_ros.identification.tuning.pi_loop import PiLoop
 
@@ -94,6 +98,8 @@ class PiTuning:
         The limits on |S| and |W T|.
     active_limits : tuple of str
         The limits that the tuned gains reach; empty at a free optimum.
+    point_sensitivity, band_sensitivity : float or None
+        Largest |S| on the measured points and on the band of the model; None without them.
 
     """
 
@@ -105,6 +111,15 @@ class PiTuning:
     max_sensitivity: float
     uncertainty_limit: float
     active_limits: tuple[str, ...]
+    point_sensitivity: float | None = None
+    band_sensitivity: float | None = None
+
+    @property
+    def promised_sensitivity(self) -> float:
+        """Largest |S| on the model, the measured points and the band."""
+        return max(
+            self.after.max_sensitivity, self.point_sensitivity or 0.0,
+            self.band_sensitivity or 0.0)
 
     @property
     def proportional_gain(self) -> float:
@@ -140,6 +155,9 @@ class PiTuning:
              f'{self.objective_before:.4g}; {period}'),
             f'active limits: {", ".join(self.active_limits) or "none"}',
             f'max |S| {shape.max_sensitivity:.4g} (limit {self.max_sensitivity:g}){weighted}',
+            *(f'max |S| on the {name} {value:.4g}' for name, value in (
+                ('measured points', self.point_sensitivity),
+                ('band of the model', self.band_sensitivity)) if value is not None),
         ], table)
 
 
@@ -153,6 +171,7 @@ def tune_pi(
     measurement_delay_samples: int = 1,
     sample_period_s: float | None = 1e-5,
     start: str | tuple[float, float] = 'crossover',
+    evidence: LoopEvidence | None = None,
 ) -> PiTuning:
     """
     Return the PI gains of least ITAE, (9) in Liu 2015, within the limits of robustness.
@@ -177,6 +196,8 @@ def tune_pi(
     start : str or tuple of float, optional
         ``'crossover'`` for gains from the ultimate gain and its period, or kP and kI to compare
         with.
+    evidence : LoopEvidence, optional
+        Measured points and the error of the model: the limit on |S| holds for them too.
 
     Returns
     -------
@@ -203,7 +224,7 @@ def tune_pi(
     name, trajectory = _objective(objective)
     crossover_kp, crossover_ki = _crossover_gains(loop)
     start_kp, start_ki = (crossover_kp, crossover_ki) if start == 'crossover' else _pair(start)
-    search = _Search(loop, bound, max_sensitivity, uncertainty_limit, crossover_kp)
+    search = _Search(loop, bound, max_sensitivity, uncertainty_limit, crossover_kp, evidence)
     evaluate = _evaluator(search, crossover_ki / crossover_kp, trajectory, sample_period_s)
 
     def shape(proportional_gain: float, integral_gain_per_s: float) -> LoopShape:
@@ -215,19 +236,31 @@ def tune_pi(
     tuned_kp, tuned_ki = search.best(crossover_ki / crossover_kp, evaluate)
     after = shape(tuned_kp, tuned_ki)
     # The search uses a grid of frequencies; a peak between two of them may be a bit higher.
-    while (after.max_sensitivity > max_sensitivity
+    while (max(after.max_sensitivity, *_on_evidence(after.loop, evidence)) > max_sensitivity
            or (after.weighted_peak or 0.0) >= uncertainty_limit):
         tuned_kp, tuned_ki = tuned_kp * _RETREAT, tuned_ki * _RETREAT
         after = shape(tuned_kp, tuned_ki)
+    points, band = (
+        (None, None) if evidence is None
+        else (evidence.largest_on_points(after.loop), evidence.largest_on_band(after.loop)))
     return PiTuning(
         objective=name, before=before, after=after,
         objective_before=evaluate(before.loop), objective_after=evaluate(after.loop),
         max_sensitivity=max_sensitivity, uncertainty_limit=uncertainty_limit,
         active_limits=tuple(
             limit for limit, value, most in (
-                ('max_sensitivity', after.max_sensitivity, max_sensitivity),
+                ('max_sensitivity', max(after.max_sensitivity, points or 0.0, band or 0.0),
+                 max_sensitivity),
                 ('uncertainty_limit', after.weighted_peak or 0.0, uncertainty_limit))
-            if value > most * (1.0 - _NEAR)))
+            if value > most * (1.0 - _NEAR)),
+        point_sensitivity=points, band_sensitivity=band)
+
+
+def _on_evidence(loop: PiLoop, evidence: LoopEvidence | None) -> tuple[float, float]:
+    """Return the largest |S| on points and band, 0 for what is not known."""
+    if evidence is None:
+        return 0.0, 0.0
+    return evidence.largest_on_points(loop) or 0.0, evidence.largest_on_band(loop) or 0.0
 
 
 def _objective(objective: str | TrajectoryParameters) -> tuple[str, TrajectoryParameters | None]:
@@ -292,11 +325,12 @@ class _Search:
 
     def __init__(
         self, loop: PiLoop, bound: Bound | None, max_sensitivity: float, uncertainty_limit: float,
-        typical_gain: float,
+        typical_gain: float, evidence: LoopEvidence | None = None,
     ) -> None:
         self.loop = loop
         self._limits = (max_sensitivity, uncertainty_limit)
         self._typical_gain = typical_gain
+        self._evidence = evidence
         # A grid that includes the lowest frequencies of any loop in the search.
         self._frequency_hz = loop.with_gains(
             typical_gain * _SMALLEST_GAIN, typical_gain).frequencies_hz()
@@ -314,6 +348,14 @@ class _Search:
         sensitivity = 1.0 / (1.0 + open_loop)
         if np.abs(sensitivity).max() >= self._limits[0]:
             return False
+        evidence = self._evidence
+        if evidence is not None:
+            if evidence.model_error and evidence.band_sensitivity(
+                    self._frequency_hz, open_loop).max() >= self._limits[0]:
+                return False
+            if (evidence.largest_on_points(self.loop.with_gains(
+                    proportional_gain, integral_gain_per_s)) or 0.0) >= self._limits[0]:
+                return False
         if self._bound is not None:
             if (self._bound * np.abs(open_loop * sensitivity)).max() >= self._limits[1]:
                 return False

@@ -62,6 +62,9 @@ def declare(
         if name in given:
             given[name] = _with_numbers(given[name], fields)
         default = (defaults or {}).get(name, field.default)
+        if default == () and name not in given:
+            # The type of an empty list is not that of its numbers unless it is told.
+            given[name] = _empty_list(name)
         node.declare_parameter(
             name, list(default) if isinstance(default, tuple) else default, _descriptor(field))
     node.add_pre_set_parameters_callback(
@@ -85,6 +88,8 @@ def _with_numbers(
     field = fields.get(change.name)
     if field is None or not isinstance(field.default, int | float | tuple):
         return change
+    if isinstance(field.default, tuple) and _is_empty(change.value):
+        return _empty_list(change.name)
     try:
         if isinstance(change.value, str):
             return Parameter(change.name, value=_number(change.value))
@@ -93,6 +98,15 @@ def _with_numbers(
     except ValueError:
         pass  # Text it is, and refused as that.
     return change
+
+
+def _is_empty(value: Any) -> bool:
+    """Return whether a list is empty; what a file or a command line gives as [] has no value."""
+    return value is None or (not isinstance(value, str | int | float) and len(value) == 0)
+
+
+def _empty_list(name: str) -> Parameter:
+    return Parameter(name, Parameter.Type.DOUBLE_ARRAY, [])
 
 
 def _number(text: str) -> float | int:
