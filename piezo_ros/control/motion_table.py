@@ -38,6 +38,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from piezo_ros.model.parameters import ParameterError
+
 __all__ = ['MotionTable', 'MotionTableError', 'read_motion_table', 'write_motion_table']
 
 MOST_SAMPLES: Final = 10**7
@@ -49,7 +51,7 @@ _FILE_BYTES: Final = 2**30
 _Floats = NDArray[np.float64]
 
 
-class MotionTableError(ValueError):
+class MotionTableError(ParameterError):
     """A file that is no motion; the text names the file and what is wrong with it."""
 
 
