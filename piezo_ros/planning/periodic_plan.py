@@ -138,6 +138,12 @@ class PeriodicPlan:
         return self._percent(self.reference_um - self.displacement_um)
 
     @property
+    def line_nrmse_percent(self) -> float:
+        """Error of the prediction where it counts in full, percent of the peak-to-peak."""
+        counts = self.weight >= self.weight.max()
+        return self._percent((self.reference_um - self.displacement_um)[counts])
+
+    @property
     def truncation_percent(self) -> float:
         """Error that the band alone would leave, percent of the peak-to-peak reference."""
         return self._percent(self.unlimited_error_um)

@@ -90,16 +90,19 @@ class PeriodicStage:
         Sample period, seconds.
     samples : int
         Samples P of one period (or of several, after which all repeats).
+    delay_s : float, optional
+        Pure delay, seconds.
 
     """
 
     def __init__(
         self, before: StateSpace, hysteresis: HysteresisParameters, behind: StateSpace,
-        sample_period_s: float, samples: int,
+        sample_period_s: float, samples: int, delay_s: float = 0.0,
     ) -> None:
-        z = np.exp(2j * np.pi * np.fft.rfftfreq(samples))
+        angle = 2.0 * np.pi * np.fft.rfftfreq(samples)
+        z = np.exp(1j * angle)
         # The reading k + 1 is at the end of the time for which the voltage k is held.
-        late = 1.0 / z if before.a.size else np.ones_like(z)
+        late = np.exp(-1j * angle * (delay_s / sample_period_s + bool(before.a.size)))
         self._before = _response(discretise_zero_order_hold(before, sample_period_s), z) * (
             z if before.a.size else 1.0)
         self._behind = _response(
