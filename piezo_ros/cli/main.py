@@ -43,6 +43,7 @@ COMMANDS: Final = {
     'identify': 'hysteresis, dynamics or uncertainty from bags',
     'tune': 'PI gains for a model',
     'plan': 'a scan at the limits of the amplifier, for the nodes to play',
+    'learn': 'improve such a scan by runs of the stage',
     'replay': 'what a recorded run would have been',
     'report': 'score bags and write the report',
     'bag': 'info, salvage, export',
