@@ -45,7 +45,10 @@ from piezo_ros.planning.periodic_plan import PeriodicPlan, plan_periodic, repeat
 from piezo_ros.planning.periodic_stage import PeriodicStage
 from piezo_ros.report.files import write_atomically
 
-__all__ = ['ScanRequest', 'planned_scan', 'read_planned_scan', 'stage_of', 'write_planned_scan']
+__all__ = [
+    'ScanRequest', 'planned_scan', 'read_planned_scan', 'stage_of',
+    'write_motion', 'write_planned_scan',
+]
 
 FACTS: Final = 'planned_scan'
 FORMAT_VERSION: Final = 1
@@ -213,6 +216,39 @@ def write_planned_scan(
     text = ''.join(f'# {line}\n' for note in notes for line in note.splitlines())
     write_atomically(path, text + parameters_yaml(
         '/**', {'trajectory': trajectory, FACTS: _facts(request, plan)}))
+    return path, motion_path
+
+
+def write_motion(
+    path: Path, table: MotionTable, dynamics: DynamicsParameters, amplitude_um: float,
+    notes: Sequence[str] = (),
+) -> tuple[Path, ...]:
+    """
+    Write a motion that is played once and return its files.
+
+    Parameters
+    ----------
+    path : Path
+        The parameter file to write; the motion gets its name and the suffix ``.npz``.
+    table : MotionTable
+        The motion.
+    dynamics : DynamicsParameters
+        The model that it was planned with.
+    amplitude_um : float
+        Its largest displacement.
+    notes : sequence of str, optional
+        Comments at the top.
+
+    """
+    motion_path = path.with_suffix(MOTION_SUFFIX).resolve()
+    write_motion_table(motion_path, table)
+    # As far as something is periodic here, it is the whole.
+    length_s = table.reference_um.size * table.sample_period_s
+    text = ''.join(f'# {line}\n' for note in notes for line in note.splitlines())
+    write_atomically(path, text + parameters_yaml('/**', {'trajectory': {
+        'waveform': 'file', 'file': str(motion_path), 'amplitude_um': amplitude_um,
+        'frequency_hz': 1.0 / length_s, 'periods': 1.0,
+        'sample_period_s': table.sample_period_s, 'harmonics': 0, **_given(dynamics)}}))
     return path, motion_path
 
 

@@ -127,3 +127,49 @@ def test_another_file_is_no_planned_scan(models):
     (models / 'scan.yaml').write_text(text.replace('format_version: 1', 'format_version: 9'))
     with pytest.raises(PlanError, match='format_version of planned_scan is 9'):
         read_planned_scan(models / 'scan.yaml')
+
+
+def plan_motion(reference_um, *further):
+    np.savez('motion.npz', reference_um=reference_um)
+    return main([
+        'plan', 'trajectory.yaml', '--compensator', 'compensator.yaml', '--plant', 'rig.yaml',
+        '--motion', 'motion.npz', '-o', 'played.yaml', *further])
+
+
+def smooth(share):
+    share = np.clip(share, 0.0, 1.0)
+    return share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
+
+
+def test_any_motion_runs_as_predicted(models, capsys):
+    time_s = np.arange(2000) * 1e-5
+    assert plan_motion(2.0 * smooth((time_s - 0.004) / 0.001)) == 0
+    printed = capsys.readouterr().out
+    predicted_nm = float(printed.partition('predicted error ')[2].partition(' nm')[0])
+    assert predicted_nm < 2.0
+    (models / 'runs.yaml').write_text(
+        RUNS.format(rig=RIG_FILE).replace('scan.yaml', 'played.yaml')
+        .replace('periods: 20', 'periods: 1').replace('score_periods: 4', 'score_periods: 1'))
+    assert main(['simulate', 'runs.yaml', '-o', 'out']) == 0
+    report = json.loads((models / 'out' / 'report.json').read_text())
+    rms_nm = report['runs'][0]['nrmse_percent'] / 100.0 * 2.0 * 1e3
+    assert rms_nm == pytest.approx(predicted_nm, abs=0.3)
+
+
+@pytest.mark.parametrize(('reference_um', 'problem'), [
+    (np.linspace(0.5, 1.0, 100), 'reference_um is 0.5 um at sample 0: a run begins at rest'),
+    (8.0 * smooth(np.arange(2000) / 1500), 'motion.npz: it reaches 8 um, the stage travels 6 um'),
+    (2.0 * smooth(np.arange(400) / 5), 'the slope of the voltage is'),
+])
+def test_a_motion_that_the_stage_cannot_make_is_refused(models, capsys, reference_um, problem):
+    assert plan_motion(reference_um) == 1
+    assert problem in capsys.readouterr().err
+    assert not (models / 'played.yaml').exists()
+
+
+def test_either_a_scan_or_a_motion_is_planned(models, capsys):
+    assert plan('--motion', 'x.csv') == 2
+    assert main([
+        'plan', 'trajectory.yaml', '--compensator', 'compensator.yaml', '--plant', 'rig.yaml',
+        '--amplitude-um', '1', '-o', 'scan.yaml']) == 2
+    assert 'either --amplitude-um and --frequency-hz, or --motion' in capsys.readouterr().err
