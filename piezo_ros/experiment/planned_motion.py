@@ -131,8 +131,9 @@ def _predicted_um(
     """Return the displacement of the known stage, with ideal converters and without noise."""
     rig = RigParameters.from_mapping({
         **dynamics.to_mapping(), **hysteresis.to_mapping(), 'dac_bits': 0, 'adc_bits': 0,
-        'noise_rms_um': 0.0, 'travel_um': 1e5, 'operating_point_um': 0.0, 'sensor_scale_um_per_v': 1e4,
-        'voltage_minimum_v': -1e3, 'voltage_maximum_v': 1e3, 'operating_point_v': 0.0})
+        'noise_rms_um': 0.0, 'sensor_scale_um_per_v': 1e4, 'travel_um': 1e5,
+        'operating_point_um': 0.0, 'operating_point_v': 0.0,
+        'voltage_minimum_v': -1e3, 'voltage_maximum_v': 1e3})
     assert table.command_um is not None
     run = run_loop(
         rig, hysteresis, ControllerParameters(
