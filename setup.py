@@ -115,6 +115,7 @@ setup(
     # The oldest are what Ubuntu 22.04 brings, or the first with wheels for Python 3.10; as they
     # stand here, `make test-matrix` installs and tests them (.ci/requirements).
     install_requires=[
+        'clarabel>=0.6.0',
         'control>=0.9.4',
         'jinja2>=3.0.3',
         'lz4>=4.0.0',
@@ -131,10 +132,13 @@ setup(
         **ROS_WHEELS,
         # piezo sweep --engine dask, and its results as Parquet.
         'dask': ['distributed>=2024.1', 'pyarrow>=14'],
+        # Images of scans as Gwyddion files.
+        'images': ['gwyfile>=0.2'],
         'test': [
             'catkin_pkg',
             'colcon-common-extensions',
             'distributed>=2024.1',
+            'gwyfile>=0.2',
             'hypothesis>=6.100',
             'import-linter>=2',
             'mcap-ros2-support>=0.5',

@@ -42,6 +42,8 @@ COMMANDS: Final = {
     'simulate': 'the same plan offline: no ROS, same numbers, same bags',
     'identify': 'hysteresis, dynamics or uncertainty from bags',
     'tune': 'PI gains for a model',
+    'plan': 'a scan at the limits of the amplifier, for the nodes to play',
+    'learn': 'improve such a scan by runs of the stage',
     'replay': 'what a recorded run would have been',
     'report': 'score bags and write the report',
     'bag': 'info, salvage, export',

@@ -29,7 +29,7 @@ from piezo_ros.parameters.errors import CampaignError, PlanError
 from piezo_ros.parameters.run import PlannedRun, RunResult
 from piezo_ros.report.run_tables import text_table
 
-__all__ = ['add_arguments', 'add_plan_arguments', 'run_plan', 'with_plan']
+__all__ = ['add_arguments', 'add_plan_arguments', 'check_ros', 'run_plan', 'with_plan']
 
 _EXAMPLES = """\
 examples:
@@ -82,10 +82,10 @@ def _run_live(options: argparse.Namespace) -> int:
             supervisor.exit_code = run_plan(plan, options.output, graph, progress)
         return supervisor.exit_code
 
-    return with_plan(options, campaign, lambda: _check_ros(options.namespace))
+    return with_plan(options, campaign, lambda: check_ros(options.namespace))
 
 
-def _check_ros(namespace: str) -> None:
+def check_ros(namespace: str) -> None:
     """Refuse to begin without ROS, or where it could not start: the directory is not touched."""
     try:
         importlib.import_module('piezo_ros.live.supervisor')

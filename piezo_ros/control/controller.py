@@ -20,9 +20,10 @@ The controller: PI with anti-windup, and the schemes fb, ff, fbff and open_loop.
     fb: v = K e      ff: v = u_ff      fbff: v = K e + u_ff      open_loop: v = y_d
 
 The scheme auto stands for fbff or ff. K(s) = kP + kI/s, (8) in Liu 2015, sampled with the backward
-rectangle rule for the integral I, d being ``measurement_delay_samples``::
+rectangle rule for the integral I, d being ``measurement_delay_samples`` and r
+``reference_delay_samples``::
 
-    e[k] = y_d[k] - y[k-d]
+    e[k] = y_d[k-r] - y[k-d]
     I[k] = I[k-1] + kI Ts e[k]
     v[k] = clip(u_ff[k] + kP e[k] + I[k], v_min, v_max)
 
@@ -32,6 +33,9 @@ While v is at a limit, the integral is kept from winding up::
     back_calculation  I[k] = that value at which v just reaches the limit
 
 A bumpless transfer presets it: I[k] = v[k-1] - u_ff[k] - kP e[k], so that v[k] = v[k-1].
+
+With r = 0, as in the paper, a measurement is compared with a later reference, and feedback works
+against a feedforward that is right. With r = d it sees such a feedforward without error.
 """
 
 import itertools
@@ -81,6 +85,10 @@ class ControllerParameters(ParameterSet):
         change='running')
     measurement_delay_samples: int = parameter(
         1, 'samples', 'age d of the measurement in e[k] = y_d[k] - y[k-d]: conversion, computing',
+        minimum=0, maximum=1000)
+    reference_delay_samples: int = parameter(
+        0, 'samples', 'age r of the reference in e[k] = y_d[k-r] - y[k-d]; equal to '
+        'measurement_delay_samples, feedback does not work against a feedforward that is right',
         minimum=0, maximum=1000)
     command_minimum_um: float = parameter(
         -8.0, 'um', 'lowest command', minimum=-1e4, maximum=0.0, change='running')
@@ -175,6 +183,7 @@ class ControllerConstants(NamedTuple):
     minimum_um: float
     maximum_um: float
     anti_windup: int
+    measurements: int  # d + 1, how many are remembered
 
 
 class ControllerState(NamedTuple):
@@ -182,6 +191,7 @@ class ControllerState(NamedTuple):
 
     memory: Vector  # (3,) integral, last command, whether a bumpless transfer is due
     measured_um: Vector  # (d + 1,) the last measurements, by index modulo d + 1
+    reference_um: Vector  # (r + 1,) the last references, by index modulo r + 1
 
 
 def controller_constants(
@@ -192,7 +202,7 @@ def controller_constants(
     return ControllerConstants(
         p.uses_feedback, p.uses_feedforward, p.proportional_gain,
         p.integral_gain_per_s * sample_period_s, p.command_minimum_um, p.command_maximum_um,
-        ANTI_WINDUP.index(p.anti_windup))
+        ANTI_WINDUP.index(p.anti_windup), p.measurement_delay_samples + 1)
 
 
 def initial_state(
@@ -211,7 +221,8 @@ def initial_state(
     """
     due = 1.0 if parameters.bumpless_start else 0.0
     return ControllerState(
-        vector([0.0, 0.0, due]), vector([0.0] * (parameters.measurement_delay_samples + 1)))
+        vector([0.0, 0.0, due]), vector([0.0] * (parameters.measurement_delay_samples + 1)),
+        vector([0.0] * (parameters.reference_delay_samples + 1)))
 
 
 def prepare_transfer(state: ControllerState) -> None:
@@ -259,12 +270,16 @@ def controller_step(
 
     """
     measured = state.measured_um
+    reference = state.reference_um
     if index == 0:
-        # Before the first sample the stage was where it is now.
+        # Before the first sample stage and reference were where they are now.
         for i in range(len(measured)):
             measured[i] = displacement_um
+        for i in range(len(reference)):
+            reference[i] = reference_um
     slots = len(measured)
     measured[index % slots] = displacement_um
+    reference[index % len(reference)] = reference_um
     memory = state.memory
     base_um = 0.0
     if constants.uses_feedforward:
@@ -272,7 +287,7 @@ def controller_step(
     elif not constants.uses_feedback:
         base_um = reference_um
     if constants.uses_feedback:
-        error_um = reference_um - measured[(index + 1) % slots]
+        error_um = reference[(index + 1) % len(reference)] - measured[(index + 1) % slots]
         base_um += constants.proportional_gain * error_um
         if memory[_TRANSFER] > 0.0:
             held_um = memory[_LAST_COMMAND_UM] - base_um

@@ -31,13 +31,15 @@ def packed_controller(
     state: ControllerState, constants: ControllerConstants,
 ) -> NDArray[np.float64]:
     """Return state and constants of a controller as `unpacked_controller` takes them."""
-    return np.array([*constants, *state.memory, *state.measured_um], dtype=np.float64)
+    return np.array(
+        [*constants, *state.memory, *state.measured_um, *state.reference_um], dtype=np.float64)
 
 
 @step
 def unpacked_state(memory: Any) -> ControllerState:
     """Return the state of a controller as views of its memory."""
-    return ControllerState(memory[7:10], memory[10:])
+    end = 11 + int(memory[7])
+    return ControllerState(memory[8:11], memory[11:end], memory[end:])
 
 
 @step
@@ -45,5 +47,5 @@ def unpacked_controller(memory: Any) -> tuple[ControllerState, ControllerConstan
     """Return state and constants of a controller as views of its memory."""
     constants = ControllerConstants(
         memory[0] > 0.0, memory[1] > 0.0, memory[2], memory[3], memory[4], memory[5],
-        int(memory[6]))
+        int(memory[6]), int(memory[7]))
     return unpacked_state(memory), constants

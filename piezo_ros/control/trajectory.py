@@ -37,11 +37,13 @@ from piezo_ros.control.feedforward import (
 )
 from piezo_ros.control.waveform import (
     EXCITATIONS,
+    FILE,
     REPEATING,
     WaveformConstants,
     WaveformParameters,
     abrupt_step,
     excitation_of,
+    motion_of,
     ramp_step,
     turns_step,
     waveform_constants,
@@ -98,7 +100,9 @@ class TrajectoryConstants(NamedTuple):
 
     waveform: WaveformConstants
     feedforward: FeedforwardConstants
-    table: Any  # (samples,) of a stepped sine or multisine, else empty
+    table: Any  # (N,) of a stepped sine, a multisine or a file, else empty
+    table_feedforward_um: Any  # (N,) of a file with commands, else empty
+    repeat_from: int  # first sample of the table that is repeated; -1 for none
     # So many samples, their soft start aside, are repeated for ever; 0 where there is no such
     # number, or it has many digits.
     repeat: int
@@ -116,12 +120,23 @@ def _feedforward(parameters: TrajectoryParameters) -> FeedforwardConstants:
 def trajectory_constants(parameters: TrajectoryParameters) -> TrajectoryConstants:
     """Return the constants of the step as lists."""
     table: list[float] = []
+    commands: list[float] = []
+    repeat_from = -1
     if parameters.waveform in EXCITATIONS:
         table = excitation_of(parameters).command.tolist()
+    elif parameters.waveform == FILE:
+        motion = motion_of(parameters)
+        table = motion.reference_um.tolist()
+        if motion.command_um is not None:
+            commands = motion.command_um.tolist()
+        if motion.repeat_from is not None:
+            repeat_from = motion.repeat_from
     return TrajectoryConstants(
         waveform_constants(parameters),
         _feedforward(parameters),
         table,
+        commands,
+        repeat_from,
         _repetition(parameters),
         [], [])
 
@@ -140,7 +155,13 @@ def _repetition(parameters: WaveformParameters) -> int:
 def trajectory_step(constants: TrajectoryConstants, index: int) -> tuple[float, float]:
     """Return reference and feedforward of one sample, micrometres."""
     if len(constants.table) > 0:
+        size = len(constants.table)
+        if index >= size:
+            first = constants.repeat_from
+            index = first + (index - first) % (size - first)
         reference_um = constants.table[index]
+        if len(constants.table_feedforward_um) > 0:
+            return reference_um, constants.table_feedforward_um[index]
         return reference_um, constants.feedforward.dc_inverse * reference_um
     waveform = constants.waveform
     factor = ramp_step(waveform, turns_step(waveform, index))

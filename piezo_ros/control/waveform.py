@@ -22,7 +22,8 @@ With n = f Ts k, the periods since the start, and the phase p = n - floor(n)::
     decreasing_triangle  triangle times max(0, 1 - floor(n) / periods)
 
 each times the amplitude and, in the first ``ramp_periods`` r, times the soft start
-(1 - cos(pi n / r)) / 2. Stepped sine and multisine are tables, see `piezo_ros.control.excitation`.
+(1 - cos(pi n / r)) / 2. Stepped sine and multisine are tables, see `piezo_ros.control.excitation`,
+and so is a motion out of a file, see `piezo_ros.control.motion_table`.
 
 Nothing is accumulated from sample to sample: any sample can be computed alone, in any order, with
 the same bits.
@@ -31,15 +32,18 @@ the same bits.
 import math
 from dataclasses import dataclass
 from functools import lru_cache
+from pathlib import Path
 from typing import NamedTuple
 
 from piezo_ros.control.excitation import Excitation, multisine, stepped_sine
+from piezo_ros.control.motion_table import MotionTable, MotionTableError, read_motion_table
 from piezo_ros.model.parameters import ParameterError, ParameterSet, parameter
 from piezo_ros.model.step import step
 
 __all__ = [
     'DECREASING_TRIANGLE',
     'EXCITATIONS',
+    'FILE',
     'REPEATING',
     'SINE',
     'TRIANGLE',
@@ -48,16 +52,18 @@ __all__ = [
     'WaveformParameters',
     'abrupt_step',
     'excitation_of',
+    'motion_of',
     'ramp_step',
     'reference_step',
     'turns_step',
     'waveform_constants',
 ]
 
-WAVEFORMS = ('triangle', 'sine', 'decreasing_triangle', 'stepped_sine', 'multisine')
+WAVEFORMS = ('triangle', 'sine', 'decreasing_triangle', 'stepped_sine', 'multisine', 'file')
 TRIANGLE, SINE, DECREASING_TRIANGLE = range(3)
+FILE = WAVEFORMS[5]
 REPEATING = WAVEFORMS[:2]  # one period like the other
-EXCITATIONS = WAVEFORMS[3:]  # tables of samples, see piezo_ros.control.excitation
+EXCITATIONS = WAVEFORMS[3:5]  # tables of samples, see piezo_ros.control.excitation
 TURN_RAD = 2.0 * math.pi
 MOST_SAMPLES = 2**53  # an index is exact in a float64
 MOST_TABLE_SAMPLES = 10**8
@@ -69,6 +75,9 @@ class WaveformParameters(ParameterSet):
 
     waveform: str = parameter(
         'triangle', '', 'shape of the desired displacement', choices=WAVEFORMS)
+    file: str = parameter(
+        '', '', 'CSV or NPZ file of the waveform file: reference_um, and command_um, which the '
+        'scheme ff sends; what is repeated is played for periods / frequency_hz')
     amplitude_um: float = parameter(
         1.0, 'um', 'peak amplitude around the operating point', minimum=0.0, maximum=1e4)
     output: str = parameter(
@@ -105,17 +114,24 @@ class WaveformParameters(ParameterSet):
     def check_together(self) -> None:
         """Refuse what cannot be sampled."""
         super().check_together()
+        if (self.waveform == FILE) != bool(self.file):
+            raise ParameterError(
+                f'file is {self.file!r} and waveform {self.waveform!r}: a file belongs to the '
+                'waveform file, and to no other')
+        if self.waveform == FILE and self.output == 'voltage':
+            raise ParameterError(
+                'output is voltage: the waveform file has displacements, allowed is displacement')
         nyquist_hz = 0.5 / self.sample_period_s
         # A stepped sine has frequencies of its own.
         if self.waveform != 'stepped_sine' and self.frequency_hz >= nyquist_hz:
             raise ParameterError(
                 f'frequency_hz is {self.frequency_hz} Hz, it must be below the Nyquist frequency '
                 f'{nyquist_hz:g} Hz of sample_period_s {self.sample_period_s:g} s')
-        if self.samples < 2:
+        if self.waveform != FILE and self.samples < 2:
             raise ParameterError(
                 f'periods is {self.periods}, which makes {self.samples} samples; at least 2 are '
                 'needed')
-        if self.samples > MOST_SAMPLES:
+        if self.waveform != FILE and self.samples > MOST_SAMPLES:
             raise ParameterError(
                 f'periods is {self.periods}, which makes {self.samples} samples; indices end at '
                 f'{MOST_SAMPLES}')
@@ -135,6 +151,8 @@ class WaveformParameters(ParameterSet):
         """Number of samples of the whole run."""
         if self.waveform in EXCITATIONS:
             return int(excitation_of(self).command.size)
+        if self.waveform == FILE and (motion := motion_of(self)).repeat_from is None:
+            return motion.reference_um.size
         return round(self.periods / (self.frequency_hz * self.sample_period_s))
 
 
@@ -179,6 +197,31 @@ def excitation_of(parameters: WaveformParameters) -> Excitation:
     except ValueError as error:
         raise ParameterError(str(error)) from None
     raise ParameterError(f'waveform is {p.waveform!r}, allowed are {", ".join(EXCITATIONS)}')
+
+
+def motion_of(parameters: WaveformParameters) -> MotionTable:
+    """
+    Return the motion of the waveform file.
+
+    It is read where it is needed: what is known of a run does not depend on a file being there.
+
+    Raises
+    ------
+    MotionTableError
+        If the file cannot be read or is no motion of this sample period.
+
+    """
+    path = Path(parameters.file)
+    try:
+        state = path.stat()
+    except OSError as error:
+        raise MotionTableError(f'{path}: {error.strerror or error}') from None
+    return _motion(path, parameters.sample_period_s, state.st_mtime_ns, state.st_size)
+
+
+@lru_cache(maxsize=8)
+def _motion(path: Path, sample_period_s: float, modified_ns: int, size: int) -> MotionTable:
+    return read_motion_table(path, sample_period_s)
 
 
 class WaveformConstants(NamedTuple):

@@ -108,6 +108,33 @@ def test_the_error_is_formed_with_a_measurement_of_the_stated_age(delay):
         commands(parameters, streams), KP * (reference - aged), rtol=0, atol=1e-14)
 
 
+@pytest.mark.parametrize(('reference_delay', 'measurement_delay'), [(1, 0), (1, 1), (3, 1), (2, 4)])
+def test_the_reference_of_the_error_has_the_stated_age_too(reference_delay, measurement_delay):
+    streams = random_streams()
+    parameters = parameters_of(
+        integral_gain_per_s=0.0, measurement_delay_samples=measurement_delay,
+        reference_delay_samples=reference_delay)
+    reference, _, measured = streams
+    wanted, aged = (
+        np.concatenate([np.full(delay, values[0]), values])[:values.size]
+        for delay, values in ((reference_delay, reference), (measurement_delay, measured)))
+    np.testing.assert_allclose(
+        commands(parameters, streams), KP * (wanted - aged), rtol=0, atol=1e-14)
+
+
+def test_references_of_a_time_without_feedback_are_remembered():
+    streams = random_streams()
+    loop = Loop(parameters_of('ff', reference_delay_samples=2))
+    for sample in streams.T[:10].tolist():
+        loop(*sample)
+    loop.change(parameters_of('fbff', integral_gain_per_s=0.0, reference_delay_samples=2))
+    loop.state.memory[2] = 0.0  # without the transfer
+    loop.state.memory[0] = 0.0
+    reference, feedforward, measured = streams[:, 10]
+    assert loop(reference, feedforward, measured) == pytest.approx(
+        feedforward + KP * (streams[0, 8] - measured))
+
+
 @pytest.mark.parametrize('scheme', SCHEMES)
 @pytest.mark.parametrize('anti_windup', ANTI_WINDUP)
 def test_no_command_leaves_its_limits(scheme, anti_windup):
@@ -210,6 +237,7 @@ def test_no_gain_or_limit_can_carry_a_nan_into_the_integral(name, bad):
     ({'scheme': 'pid'}, "scheme is 'pid', allowed are fb, ff, fbff, open_loop"),
     ({'anti_windup': 'some'}, "anti_windup is 'some', allowed are clamping, back_calculation, "),
     ({'proportional_gain': -0.1}, 'proportional_gain is -0.1 um/um, allowed is 0 … 1e+06 um/um'),
+    ({'reference_delay_samples': -1}, 'reference_delay_samples is -1 samples, allowed'),
     ({'measurement_delay_samples': 1001}, 'measurement_delay_samples is 1001 samples, allowed'),
 ])
 def test_a_controller_that_cannot_be_is_refused(values, message):

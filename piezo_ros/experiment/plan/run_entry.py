@@ -19,7 +19,8 @@ from dataclasses import replace
 from typing import Any, Final
 
 from piezo_ros.control.changes import changes_text, segments
-from piezo_ros.control.waveform import EXCITATIONS
+from piezo_ros.control.motion_table import MotionTableError
+from piezo_ros.control.waveform import EXCITATIONS, FILE, motion_of
 from piezo_ros.experiment.plan.automatic import (
     Known,
     decide,
@@ -46,6 +47,7 @@ SHORT_KEYS: Final = {
     'amplitude_v': 'trajectory',
     'offset_um': 'trajectory',
     'offset_v': 'trajectory',
+    'file': 'trajectory',
     'dwell_s': 'trajectory',
     'settle_s': 'trajectory',
 }
@@ -156,12 +158,32 @@ def _check_travel(where: str, run: PlannedRun) -> None:
     if run.bare:
         _check_rails(where, run.plant, trajectory.amplitude_v + abs(trajectory.offset_v))
         return
+    if trajectory.waveform == FILE:
+        _check_motion(where, run)
+        return
     offset_um = abs(trajectory.offset_um) if trajectory.waveform in EXCITATIONS else 0.0
     if not 0.0 < trajectory.amplitude_um <= reach_um - offset_um:
         beside = f', beside the offset of {offset_um:g} um,' if offset_um else ''
         raise PlanError(
             f'{where}: amplitude_um is {trajectory.amplitude_um} um, it must be above 0, and '
             f'the stage travels{beside} {reach_um:g} um to either side of its operating point')
+
+
+def _check_motion(where: str, run: PlannedRun) -> None:
+    """Refuse a motion out of a file that the stage cannot make."""
+    trajectory, plant = run.trajectory, run.plant
+    try:
+        motion = motion_of(trajectory)
+        if not 0.0 < motion.greatest_um <= plant.reach_um:
+            raise MotionTableError(
+                f'{trajectory.file}: it reaches {motion.greatest_um:g} um, it must be above 0, and '
+                f'the stage travels {plant.reach_um:g} um to either side of its operating point')
+        if plant.slew_limit_v_per_s:
+            # Where every element slips, the stage moves farthest for a volt.
+            motion.check_closed(
+                plant.slew_limit_v_per_s * trajectory.sample_period_s * plant.kappa_um_per_v[-1])
+    except ParameterError as error:
+        raise PlanError(f'{where}: {error}') from None
 
 
 def _check_rails(where: str, plant: RigParameters, amplitude_v: float) -> None:

@@ -1,0 +1,122 @@
+# Copyright 2026 piezo_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""``piezo learn``: a planned scan improved by runs of the stage, under the scheme ff."""
+
+import argparse
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Final
+
+from piezo_ros.bag import BagError
+from piezo_ros.cli.exit_codes import EXIT_DONE, EXIT_FAILED
+from piezo_ros.cli.progress import Progress
+from piezo_ros.cli.run import check_ros
+from piezo_ros.parameters.errors import CampaignError, PlanError, failure_text
+from piezo_ros.parameters.node_parameters import LOOP_NODES
+from piezo_ros.parameters.parameter_file import read_parameter_file
+from piezo_ros.parameters.run import PlannedRun, RunResult
+
+__all__ = ['add_arguments']
+
+_Run = Callable[[PlannedRun, Path], RunResult]
+
+_EXAMPLES: Final = """\
+examples:
+  piezo learn scan.yaml --parameters rig.yaml -o learned
+  piezo learn scan.yaml --parameters rig.yaml -o learned --offline
+  piezo learn scan.yaml --parameters rig.yaml -o learned --resume --runs 10
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Describe the command's arguments to its parser."""
+    parser.epilog = _EXAMPLES
+    parser.add_argument('scan', type=Path, metavar='SCAN', help='what piezo plan wrote')
+    parser.add_argument(
+        '--parameters', type=Path, action='append', default=[], metavar='FILE',
+        help='parameter file of the nodes, for instance of the rig or the controller; may be given '
+        'several times')
+    parser.add_argument(
+        '--runs', type=int, default=5, metavar='N', help='at most (default: 5)')
+    parser.add_argument(
+        '--offline', action='store_true', help='simulate the runs, without ROS')
+    parser.add_argument(
+        '--composed', action='store_true', help='the four nodes in one process')
+    parser.add_argument('--resume', action='store_true', help='go on with what is in DIR')
+    parser.add_argument(
+        '-o', '--output', type=Path, required=True, metavar='DIR', help='output directory')
+    parser.add_argument(
+        '--force', action='store_true', help='replace an earlier output in DIR')
+    parser.set_defaults(function=_learn)
+
+
+def _learn(options: argparse.Namespace) -> int:
+    from piezo_ros.experiment.output_directory import prepare_directory
+    from piezo_ros.experiment.planned_scan import read_planned_scan
+    from piezo_ros.experiment.scan_learning import ScanLearning
+    if options.runs < 1:
+        raise PlanError(f'--runs is {options.runs}, it must be 1 at least')
+    request, plan = read_planned_scan(options.scan)
+    base = _base(options.parameters)
+    try:
+        if not options.offline:
+            check_ros('')
+        if not (options.resume and options.output.is_dir()):
+            prepare_directory(options.output, force=options.force)
+        learning = ScanLearning(request, plan, options.output, base)
+        if options.resume and (done := learning.resume()):
+            print(f'{done} runs are there already')
+        with _engine(options) as run:
+            while not learning.is_done and len(learning.runs) < options.runs:
+                learned = learning.next_run(run)
+                print(
+                    f'run {learned.name}: NRMSE {learned.nrmse_percent:.3f} ± '
+                    f'{learned.sigma_percent:.3f} %{", the best" if learned.is_best else ""}',
+                    flush=True)
+    except (BagError, CampaignError, ValueError, OSError) as error:
+        print(f'piezo: {failure_text(error)}', file=sys.stderr)
+        return EXIT_FAILED
+    why = 'no further run pays' if learning.is_done else 'as many runs as were asked for'
+    print(f'{why}; the best scan: {options.output / "best.yaml"}')
+    return EXIT_DONE
+
+
+def _base(files: list[Path]) -> dict[str, dict[str, Any]]:
+    """Return the parameters of the nodes; of several files the last one counts."""
+    base: dict[str, dict[str, Any]] = {node: {} for node in LOOP_NODES}
+    for path in files:
+        for node, values in read_parameter_file(path, LOOP_NODES).items():
+            base[node].update(values)
+    return base
+
+
+@contextmanager
+def _engine(options: argparse.Namespace) -> Iterator[_Run]:
+    """Yield what does a run: the simulation, or the live nodes."""
+    if options.offline:
+        from piezo_ros.experiment.offline import simulate_run
+        yield simulate_run
+        return
+    from piezo_ros.live.graph_per_run import GraphPerRun
+    from piezo_ros.live.supervisor import Supervisor
+    progress = Progress()
+    with Supervisor('') as supervisor:
+        supervisor.exit_code = EXIT_FAILED
+        yield GraphPerRun(
+            supervisor, options.output, composed=options.composed, progress=progress.show)
+        progress.end()
+        supervisor.exit_code = EXIT_DONE

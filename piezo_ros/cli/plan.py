@@ -1,0 +1,171 @@
+# Copyright 2026 piezo_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""``piezo plan``: a scan at the limits of the amplifier, for the nodes to play."""
+
+import argparse
+import math
+import sys
+from pathlib import Path
+from typing import Final
+
+from piezo_ros.cli.exit_codes import EXIT_DONE, EXIT_FAILED, EXIT_USAGE
+from piezo_ros.model import DynamicsParameters, HysteresisParameters, ParameterError, RigParameters
+from piezo_ros.parameters.errors import PlanError, failure_text
+from piezo_ros.parameters.parameter_file import read_parameter_set
+
+__all__ = ['add_arguments']
+
+_EXAMPLES: Final = """\
+examples:
+  piezo plan trajectory.yaml --compensator compensator.yaml --plant rig.yaml \\
+      --amplitude-um 2 --frequency-hz 600 -o scan.yaml
+  piezo plan trajectory.yaml --compensator compensator.yaml --plant rig.yaml \\
+      --amplitude-um 2 --frequency-hz 600 --free-turn 0.2 -o scan.yaml
+  piezo plan trajectory.yaml --compensator compensator.yaml --plant rig.yaml \\
+      --motion spiral_x.csv -o spiral.yaml
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Describe the command's arguments to its parser."""
+    parser.epilog = _EXAMPLES
+    parser.add_argument(
+        'model', type=Path, metavar='MODEL', help='what identify dynamics wrote')
+    parser.add_argument(
+        '--compensator', type=Path, required=True, metavar='FILE',
+        help='what identify hysteresis wrote; the compensator of the scan must have it too')
+    parser.add_argument(
+        '--plant', type=Path, required=True, metavar='FILE',
+        help='data sheet of the rig: slew limit, rails, travel')
+    parser.add_argument(
+        '--amplitude-um', type=float, metavar='A', help='of a periodic scan')
+    parser.add_argument(
+        '--frequency-hz', type=float, metavar='F', help='of a periodic scan')
+    parser.add_argument(
+        '--motion', type=Path, metavar='FILE',
+        help='any motion, from 0 on, in place of a periodic scan: CSV or NPZ with reference_um')
+    parser.add_argument(
+        '--waveform', choices=('triangle', 'sine'), default='triangle', help='(default: triangle)')
+    parser.add_argument(
+        '--free-turn', type=float, default=0.0, metavar='SHARE',
+        help='share of each line about its ends in which the error hardly counts (default: 0)')
+    parser.add_argument(
+        '--band-hz', type=float, default=0.0, metavar='F',
+        help='highest frequency of the voltage (default: six times the fastest pole pair, at most '
+        '15 %% of the sampling frequency)')
+    parser.add_argument(
+        '--average-slew-v-per-s', type=float, default=math.inf, metavar='S',
+        help='mean absolute slope that the average current of the amplifier allows')
+    parser.add_argument(
+        '--uncertainty', type=float, default=0.0, metavar='W',
+        help='largest relative error of the model in the band, for the certificate')
+    parser.add_argument(
+        '--ramp-periods', type=float, default=2.0, metavar='N', help='soft start (default: 2)')
+    parser.add_argument(
+        '--sample-period-s', type=float, default=1e-5, metavar='TS', help='(default: 1e-5)')
+    parser.add_argument(
+        '-o', '--output', type=Path, required=True, metavar='FILE',
+        help='parameter file of the trajectory to write; its motion lies beside it (.npz)')
+    parser.add_argument('--force', action='store_true', help='replace the files')
+    parser.set_defaults(function=_plan)
+
+
+def _plan(options: argparse.Namespace) -> int:
+    from piezo_ros.experiment.planned_scan import MOTION_SUFFIX
+    outputs = (options.output, options.output.with_suffix(MOTION_SUFFIX))
+    for path in outputs:
+        if path.exists() and not options.force:
+            print(f'piezo: {path} exists; --force replaces it', file=sys.stderr)
+            return EXIT_USAGE
+    is_scan = options.amplitude_um is not None and options.frequency_hz is not None
+    if is_scan == (options.motion is not None):
+        print(
+            'piezo: what is wanted is either --amplitude-um and --frequency-hz, or --motion',
+            file=sys.stderr)
+        return EXIT_USAGE
+    try:
+        plant = read_parameter_set(options.plant, 'plant', RigParameters)
+        dynamics = read_parameter_set(options.model, 'trajectory', DynamicsParameters)
+        hysteresis = read_parameter_set(
+            options.compensator, 'compensator', HysteresisParameters)
+        notes = (f'models: {options.model}, {options.compensator}; limits: {options.plant}',)
+        files = (_plan_scan if is_scan else _plan_motion)(
+            options, plant, dynamics, hysteresis, notes)
+    except (PlanError, ValueError, OSError, ModuleNotFoundError) as error:
+        print(f'piezo: {failure_text(error)}', file=sys.stderr)
+        return EXIT_FAILED
+    print(f'scan: {", ".join(map(str, files))}')
+    return EXIT_DONE
+
+
+def _plan_scan(
+    options: argparse.Namespace, plant: RigParameters, dynamics: DynamicsParameters,
+    hysteresis: HysteresisParameters, notes: tuple[str, ...],
+) -> tuple[Path, ...]:
+    from piezo_ros.experiment.planned_scan import (
+        ScanRequest,
+        limits_of,
+        planned_scan,
+        write_planned_scan,
+    )
+    if not 0.0 < options.amplitude_um <= plant.reach_um:
+        raise ParameterError(
+            f'--amplitude-um is {options.amplitude_um:g}, allowed is above 0 … '
+            f'{plant.reach_um:g} um (the reach of the stage)')
+    request = ScanRequest(
+        waveform=options.waveform, amplitude_um=options.amplitude_um,
+        frequency_hz=options.frequency_hz, sample_period_s=options.sample_period_s,
+        dynamics=dynamics, hysteresis=hysteresis,
+        limits=limits_of(plant, options.average_slew_v_per_s), band_hz=options.band_hz,
+        free_turn=options.free_turn, ramp_periods=options.ramp_periods,
+        uncertainty=options.uncertainty)
+    plan = planned_scan(request)
+    files = write_planned_scan(options.output, request, plan, (
+        f'{request.waveform} of {request.amplitude_um:g} um at {request.frequency_hz:g} Hz',
+        *notes))
+    print(
+        f'predicted NRMSE {plan.predicted_nrmse_percent:.3f} %, of which the band of '
+        f'{request.band:g} Hz alone would leave {plan.truncation_percent:.3f} %')
+    print(f'amplifier: {100.0 * plan.limit_use:.1f} % of its limits')
+    certificate = plan.certificate
+    learning = 'learning will lessen the error' if certificate.holds else (
+        'learning is not certain to lessen the error')
+    print(f'certificate: gamma {certificate.gamma:.2f}, {learning}')
+    return files
+
+
+def _plan_motion(
+    options: argparse.Namespace, plant: RigParameters, dynamics: DynamicsParameters,
+    hysteresis: HysteresisParameters, notes: tuple[str, ...],
+) -> tuple[Path, ...]:
+    from piezo_ros.control.motion_table import read_motion_table
+    from piezo_ros.experiment.planned_motion import planned_motion
+    from piezo_ros.experiment.planned_scan import limits_of, write_motion
+    motion = read_motion_table(options.motion, options.sample_period_s)
+    if motion.greatest_um > plant.reach_um:
+        raise ParameterError(
+            f'{options.motion}: it reaches {motion.greatest_um:g} um, the stage travels '
+            f'{plant.reach_um:g} um to either side of its operating point')
+    planned = planned_motion(
+        motion, dynamics, hysteresis, limits_of(plant, options.average_slew_v_per_s))
+    files = write_motion(
+        options.output, planned.table, dynamics, motion.greatest_um, (
+            f'motion of {options.motion}', *notes))
+    print(
+        f'predicted error {1e3 * planned.predicted_rms_um:.2f} nm rms, '
+        f'{1e3 * planned.predicted_maximum_um:.2f} nm at most')
+    print(f'amplifier: {100.0 * planned.limit_use:.1f} % of its limits')
+    print(f'the motion begins {planned.latency} samples later')
+    return files

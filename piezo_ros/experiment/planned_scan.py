@@ -1,0 +1,342 @@
+# Copyright 2026 piezo_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Planned scans as files: made from identified models, played by the nodes, read back to be learned.
+
+A planned scan is a ROS parameter file for the trajectory node, beside it its motion (NPZ). A
+further section of the file, ``planned_scan``, which ROS ignores, has what the plan was made of.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from piezo_ros.control.motion_table import MotionTable, write_motion_table
+from piezo_ros.control.waveform import WaveformParameters, abrupt_step, waveform_constants
+from piezo_ros.experiment.model_file import identified_facts
+from piezo_ros.model import (
+    DynamicsParameters,
+    HysteresisParameters,
+    LinearDynamics,
+    ParameterError,
+    RigParameters,
+)
+from piezo_ros.parameters.errors import PlanError
+from piezo_ros.parameters.parameter_file import parameters_yaml
+from piezo_ros.planning.constrained_step import AmplifierLimits
+from piezo_ros.planning.periodic_plan import PeriodicPlan, plan_periodic, repeating_samples
+from piezo_ros.planning.periodic_stage import PeriodicStage
+from piezo_ros.report.files import write_atomically
+
+__all__ = [
+    'ScanRequest', 'planned_scan', 'read_planned_scan', 'stage_of',
+    'write_motion', 'write_planned_scan',
+]
+
+FACTS: Final = 'planned_scan'
+FORMAT_VERSION: Final = 1
+MOTION_SUFFIX: Final = '.npz'
+_HIGHEST_SHARE: Final = 0.15  # of the sampling frequency, for the band
+_POLES_SHARE: Final = 6.0  # of the fastest pole pair, for the band
+_FREE_WEIGHT: Final = 0.03
+_WORST_PERCENT: Final = 10.0  # what is farther off is another scan
+
+
+@dataclass(frozen=True)
+class ScanRequest:
+    """
+    What is wanted of a scan, and what is known of the stage.
+
+    Attributes
+    ----------
+    waveform : str
+        ``'triangle'`` or ``'sine'``.
+    amplitude_um, frequency_hz : float
+        Of the scan.
+    sample_period_s : float
+        Sample period, seconds.
+    dynamics : DynamicsParameters
+        What was identified.
+    hysteresis : HysteresisParameters
+        What was identified, and the compensator inverts.
+    limits : AmplifierLimits
+        What the voltage keeps.
+    band_hz : float
+        Highest frequency of the voltage; 0: six times the fastest pole pair, at most 15 % of the
+        sampling frequency.
+    free_turn : float
+        Share of each line, about its ends, in which the error hardly counts; 0 for none.
+    ramp_periods : float
+        Periods of the soft start.
+    uncertainty : float
+        Largest relative error of the model in the band, for the certificate.
+
+    """
+
+    waveform: str
+    amplitude_um: float
+    frequency_hz: float
+    sample_period_s: float
+    dynamics: DynamicsParameters
+    hysteresis: HysteresisParameters
+    limits: AmplifierLimits
+    band_hz: float = 0.0
+    free_turn: float = 0.0
+    ramp_periods: float = 2.0
+    uncertainty: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.waveform not in ('triangle', 'sine'):
+            raise ValueError(f'waveform is {self.waveform!r}, allowed are triangle, sine')
+        for name, low, high in (
+                ('amplitude_um', 0.0, 1e4), ('frequency_hz', 0.0, 0.25 / self.sample_period_s)):
+            value = getattr(self, name)
+            if not low < value <= high:
+                raise ValueError(f'{name} is {value}, allowed is above {low:g} … {high:g}')
+        if not 0.0 <= self.free_turn < 0.9:
+            raise ValueError(f'free_turn is {self.free_turn}, allowed is 0 … 0.9')
+        if not 0.0 <= self.ramp_periods <= 1e4:
+            raise ValueError(f'ramp_periods is {self.ramp_periods}, allowed is 0 … 10000')
+
+    @property
+    def band(self) -> float:
+        """Highest frequency of the voltage, hertz."""
+        if self.band_hz:
+            return self.band_hz
+        pairs = [frequency for frequency, _ in self.dynamics.pole_pairs]
+        rates = [*pairs, *self.dynamics.rates_rad_per_s]
+        fastest_hz = max(pairs or rates) / (2.0 * math.pi)
+        return max(
+            min(_POLES_SHARE * fastest_hz, _HIGHEST_SHARE / self.sample_period_s),
+            1.01 * self.frequency_hz)
+
+    @property
+    def reference_um(self) -> NDArray[np.float64]:
+        """The reference over the samples after which it repeats, shape (P,)."""
+        constants = waveform_constants(WaveformParameters(
+            waveform=self.waveform, amplitude_um=self.amplitude_um,
+            frequency_hz=self.frequency_hz, sample_period_s=self.sample_period_s))
+        samples = repeating_samples(self.frequency_hz, self.sample_period_s)
+        turns = self.frequency_hz * self.sample_period_s * np.arange(samples)
+        return np.array([abrupt_step(constants, turn) for turn in turns.tolist()])
+
+    @property
+    def weight(self) -> NDArray[np.float64]:
+        """Weight of each sample's squared error, shape (P,)."""
+        reference_um = self.reference_um
+        lines = np.abs(reference_um) <= (1.0 - self.free_turn) * self.amplitude_um
+        return np.where(lines, 1.0, _FREE_WEIGHT)
+
+
+def stage_of(request: ScanRequest) -> PeriodicStage:
+    """Return the identified stage in its periodic state."""
+    dynamics = LinearDynamics(request.dynamics)
+    return PeriodicStage(
+        dynamics.before_hysteresis, request.hysteresis, dynamics.behind_hysteresis,
+        request.sample_period_s,
+        repeating_samples(request.frequency_hz, request.sample_period_s), dynamics.delay_s)
+
+
+def planned_scan(request: ScanRequest) -> PeriodicPlan:
+    """
+    Return the plan of a scan.
+
+    Raises
+    ------
+    ValueError
+        If the scan does not repeat, or no voltage near to it keeps the limits.
+
+    """
+    plan = plan_periodic(
+        stage_of(request), request.reference_um, request.frequency_hz, request.sample_period_s,
+        band_hz=request.band, limits=request.limits, weight=request.weight,
+        uncertainty=request.uncertainty)
+    if plan.line_nrmse_percent > _WORST_PERCENT:
+        raise ValueError(
+            f'amplitude_um is {request.amplitude_um:g} at {request.frequency_hz:g} Hz: within its '
+            f'limits the amplifier leaves an error of {plan.line_nrmse_percent:.3g} %, allowed is '
+            f'{_WORST_PERCENT:g} % (a smaller or slower scan)')
+    return plan
+
+
+def motion_of(request: ScanRequest, plan: PeriodicPlan) -> MotionTable:
+    """Return the motion of a plan: its soft start, one repetition to settle, and one to repeat."""
+    samples = plan.reference_um.size
+    ramp = math.ceil(
+        (request.ramp_periods + 1.0) / (request.frequency_hz * request.sample_period_s))
+    first = (math.ceil(ramp / samples) + 1) * samples
+    count = first + samples
+    return MotionTable(
+        np.resize(plan.reference_um, count) * plan.soft_start(count, request.ramp_periods),
+        plan.command_um(count, request.hysteresis, request.ramp_periods),
+        request.sample_period_s, repeat_from=first)
+
+
+def write_planned_scan(
+    path: Path, request: ScanRequest, plan: PeriodicPlan, notes: Sequence[str] = (),
+) -> tuple[Path, ...]:
+    """
+    Write a planned scan and return its files.
+
+    Parameters
+    ----------
+    path : Path
+        The parameter file to write; the motion gets its name and the suffix ``.npz``.
+    request : ScanRequest
+        What was wanted.
+    plan : PeriodicPlan
+        The plan.
+    notes : sequence of str, optional
+        Comments at the top.
+
+    """
+    motion_path = path.with_suffix(MOTION_SUFFIX).resolve()
+    write_motion_table(motion_path, motion_of(request, plan))
+    trajectory = {
+        'waveform': 'file', 'file': str(motion_path), 'amplitude_um': request.amplitude_um,
+        'frequency_hz': request.frequency_hz, 'sample_period_s': request.sample_period_s,
+        'harmonics': 0, **_given(request.dynamics)}
+    text = ''.join(f'# {line}\n' for note in notes for line in note.splitlines())
+    write_atomically(path, text + parameters_yaml(
+        '/**', {'trajectory': trajectory, FACTS: _facts(request, plan)}))
+    return path, motion_path
+
+
+def write_motion(
+    path: Path, table: MotionTable, dynamics: DynamicsParameters, amplitude_um: float,
+    notes: Sequence[str] = (),
+) -> tuple[Path, ...]:
+    """
+    Write a motion that is played once and return its files.
+
+    Parameters
+    ----------
+    path : Path
+        The parameter file to write; the motion gets its name and the suffix ``.npz``.
+    table : MotionTable
+        The motion.
+    dynamics : DynamicsParameters
+        The model that it was planned with.
+    amplitude_um : float
+        Its largest displacement.
+    notes : sequence of str, optional
+        Comments at the top.
+
+    """
+    motion_path = path.with_suffix(MOTION_SUFFIX).resolve()
+    write_motion_table(motion_path, table)
+    # As far as something is periodic here, it is the whole.
+    length_s = table.reference_um.size * table.sample_period_s
+    text = ''.join(f'# {line}\n' for note in notes for line in note.splitlines())
+    write_atomically(path, text + parameters_yaml('/**', {'trajectory': {
+        'waveform': 'file', 'file': str(motion_path), 'amplitude_um': amplitude_um,
+        'frequency_hz': 1.0 / length_s, 'periods': 1.0,
+        'sample_period_s': table.sample_period_s, 'harmonics': 0, **_given(dynamics)}}))
+    return path, motion_path
+
+
+def _given(parameters: DynamicsParameters) -> dict[str, Any]:
+    """Return the parameters but for empty lists, in which ROS cannot tell the type."""
+    return {name: value for name, value in parameters.to_mapping().items() if value != []}
+
+
+def _facts(request: ScanRequest, plan: PeriodicPlan) -> dict[str, Any]:
+    facts: dict[str, Any] = {
+        'format_version': FORMAT_VERSION,
+        'waveform': request.waveform, 'band_hz': request.band, 'free_turn': request.free_turn,
+        'ramp_periods': request.ramp_periods, 'uncertainty': request.uncertainty,
+        'kappa_um_per_v': list(request.hysteresis.kappa_um_per_v),
+        'saturation_v': list(request.hysteresis.saturation_v),
+        'coefficients_v': plan.coefficients_v.tolist(),
+        'predicted_nrmse_percent': plan.predicted_nrmse_percent,
+        'truncation_percent': plan.truncation_percent,
+        'limit_use': plan.limit_use,
+        'certificate_gamma': plan.certificate.gamma,
+    }
+    for name in ('slew_v_per_s', 'average_slew_v_per_s', 'minimum_v', 'maximum_v'):
+        value = getattr(request.limits, name)
+        if math.isfinite(value):
+            facts[name] = value
+    return facts
+
+
+def read_planned_scan(path: Path) -> tuple[ScanRequest, PeriodicPlan]:
+    """
+    Read a planned scan back.
+
+    Parameters
+    ----------
+    path : Path
+        What `write_planned_scan` wrote.
+
+    Raises
+    ------
+    PlanError
+        If the file is none, or of an unknown version.
+
+    """
+    facts = identified_facts(path, FACTS)
+    trajectory = identified_facts(path, 'trajectory')
+    if not facts or not trajectory:
+        raise PlanError(f'{path} is no planned scan: it has no section {FACTS}')
+    version = facts.get('format_version')
+    if version != FORMAT_VERSION:
+        raise PlanError(
+            f'{path}: format_version of {FACTS} is {version!r}, only {FORMAT_VERSION} is known')
+    try:
+        request = _request(facts, trajectory)
+        coefficients = np.array(facts['coefficients_v'], dtype=np.float64)
+        plan = planned_scan(request)
+        if coefficients.shape != plan.coefficients_v.shape:
+            raise ValueError(
+                f'coefficients_v has {coefficients.size} values, the band has '
+                f'{plan.coefficients_v.size}')
+    except KeyError as error:
+        raise PlanError(f'{path}: {FACTS} has no {error.args[0]}') from None
+    except (TypeError, ValueError) as error:
+        raise PlanError(f'{path}: {error}') from None
+    return request, replace(plan, coefficients_v=coefficients)
+
+
+def _request(facts: Mapping[str, Any], trajectory: Mapping[str, Any]) -> ScanRequest:
+    limits = {
+        name: float(facts[name])
+        for name in ('slew_v_per_s', 'average_slew_v_per_s', 'minimum_v', 'maximum_v')
+        if name in facts}
+    hysteresis = HysteresisParameters.among(facts)
+    if not {'kappa_um_per_v', 'saturation_v'} <= facts.keys():
+        raise ParameterError('the hysteresis is not there')
+    return ScanRequest(
+        waveform=str(facts['waveform']), amplitude_um=float(trajectory['amplitude_um']),
+        frequency_hz=float(trajectory['frequency_hz']),
+        sample_period_s=float(trajectory['sample_period_s']),
+        dynamics=DynamicsParameters.among(trajectory), hysteresis=hysteresis,
+        limits=AmplifierLimits(**limits), band_hz=float(facts['band_hz']),
+        free_turn=float(facts['free_turn']), ramp_periods=float(facts['ramp_periods']),
+        uncertainty=float(facts['uncertainty']))
+
+
+def limits_of(plant: RigParameters, average_slew_v_per_s: float = math.inf) -> AmplifierLimits:
+    """Return the limits that a data sheet gives for the voltage."""
+    return AmplifierLimits(
+        slew_v_per_s=plant.slew_limit_v_per_s or math.inf,
+        average_slew_v_per_s=average_slew_v_per_s,
+        minimum_v=plant.voltage_minimum_v - plant.operating_point_v,
+        maximum_v=plant.voltage_maximum_v - plant.operating_point_v)

@@ -1,0 +1,219 @@
+# Copyright 2026 piezo_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Learning of a planned scan: run, compare with the reference, improve, run again.
+
+The runs are without feedback, which would take its part of every change of the command; with
+``reference_delay_samples`` it can be added to what was learned.
+
+The output directory has ``bags/000`` …, one for every run, ``learning.json`` with what came of
+each, and ``best.yaml`` with its motion, the best scan so far. All of it is written after each run,
+so that an interrupted learning keeps its best and can be resumed.
+"""
+
+import json
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from piezo_ros.bag import BagError, read
+from piezo_ros.control.motion_table import write_motion_table
+from piezo_ros.experiment.plan.run_entry import plan_run
+from piezo_ros.experiment.planned_scan import (
+    ScanRequest,
+    motion_of,
+    stage_of,
+    write_planned_scan,
+)
+from piezo_ros.parameters.errors import CampaignError
+from piezo_ros.parameters.run import PlannedRun, RunResult
+from piezo_ros.planning.learning import Learner, Measured, period_average
+from piezo_ros.planning.periodic_plan import PeriodicPlan
+from piezo_ros.report.files import write_atomically
+
+__all__ = ['LearnedRun', 'ScanLearning']
+
+RECORD: Final = 'learning.json'
+_BEST: Final = 'best.yaml'
+_LEAST_PERIODS: Final = 8.0  # that are averaged
+_FORMAT_VERSION: Final = 1
+
+
+@dataclass(frozen=True)
+class LearnedRun:
+    """
+    What came of one run.
+
+    Attributes
+    ----------
+    name : str
+        Of its bag.
+    nrmse_percent, sigma_percent : float
+        Weighted error of the period average and its standard deviation, of the peak-to-peak
+        reference.
+    predicted_percent : float
+        What the model expected of this run.
+    is_best : bool
+        Whether it was the best one when it came.
+
+    """
+
+    name: str
+    nrmse_percent: float
+    sigma_percent: float
+    predicted_percent: float
+    is_best: bool
+
+
+class ScanLearning:
+    """
+    The runs of a learning, one after the other.
+
+    Parameters
+    ----------
+    request : ScanRequest
+        What is wanted.
+    plan : PeriodicPlan
+        Where it begins.
+    directory : Path
+        Of the output.
+    base : mapping of str to mapping
+        Node to the parameters of all runs: the rig, the compensator, the controller.
+
+    Attributes
+    ----------
+    runs : list of LearnedRun
+        What came of the runs so far.
+
+    """
+
+    def __init__(
+        self, request: ScanRequest, plan: PeriodicPlan, directory: Path,
+        base: Mapping[str, Mapping[str, Any]],
+    ) -> None:
+        self.request = request
+        self.directory = directory
+        self.learner = Learner(stage_of(request), plan)
+        self.runs: list[LearnedRun] = []
+        self._base = base
+        periods = plan.reference_um.size * request.frequency_hz * request.sample_period_s
+        self._repetitions = math.ceil(_LEAST_PERIODS / periods - 1e-6)
+
+    @property
+    def is_done(self) -> bool:
+        """Whether no further run pays."""
+        return self.learner.is_done
+
+    def resume(self) -> int:
+        """
+        Take the runs of an earlier learning into account; return how many there were.
+
+        Raises
+        ------
+        BagError
+            If a bag of a finished run cannot be read.
+
+        """
+        try:
+            record = json.loads((self.directory / RECORD).read_text(encoding='utf-8'))
+            names = [str(run['name']) for run in record['runs']]
+        except (OSError, ValueError, KeyError, TypeError):
+            return 0
+        for name in names:
+            self._take(name, self.learner.propose())
+        return len(names)
+
+    def next_run(self, run: Callable[[PlannedRun, Path], RunResult]) -> LearnedRun:
+        """
+        Do the next run and learn from it.
+
+        Parameters
+        ----------
+        run : callable
+            Does one run into the bag directory that it is given.
+
+        Raises
+        ------
+        CampaignError
+            If the run does not come to its end, or its bag lacks samples.
+
+        """
+        plan = self.learner.propose()
+        name = f'{len(self.runs):03d}'
+        bag = self.directory / 'bags' / name
+        motion = motion_of(self.request, plan)
+        path = self.directory / 'motions' / f'{name}.npz'
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_motion_table(path, motion)
+        assert motion.repeat_from is not None
+        samples = motion.repeat_from + self._repetitions * plan.reference_um.size
+        run(self._planned(path, samples), bag)
+        learned = self._take(name, plan)
+        self._keep()
+        return learned
+
+    def _planned(self, motion: Path, samples: int) -> PlannedRun:
+        request = self.request
+        nodes = {
+            node: {**values, 'sample_period_s': request.sample_period_s}
+            for node, values in self._base.items()}
+        nodes['compensator'] |= request.hysteresis.to_mapping()
+        nodes['trajectory'] |= {
+            'waveform': 'file', 'file': str(motion.resolve()), 'harmonics': 0,
+            'amplitude_um': request.amplitude_um, 'frequency_hz': request.frequency_hz,
+            'periods': samples * request.frequency_hz * request.sample_period_s}
+        number = len(self.runs)
+        return plan_run(
+            nodes, {'scheme': 'ff'}, where=f'learning, run {number}', number=number)
+
+    def _take(self, name: str, plan: PeriodicPlan) -> LearnedRun:
+        run = read(self.directory / 'bags' / name)
+        if run.lost:
+            raise BagError(f'{run.path}: {"; ".join(run.lost)}')
+        try:
+            measured = period_average(
+                run.displacement_um[:run.reference_um.size], plan.reference_um, plan.weight,
+                self._repetitions)
+        except ValueError as error:
+            raise CampaignError(f'{run.path}: {error}') from None
+        expected_um = plan.reference_um - self.learner.stage.answer(plan.period_voltage_v)
+        before_um = self.learner.best_rms_um
+        self.learner.tell(measured)
+        learned = LearnedRun(
+            name, *self._percent(measured),
+            predicted_percent=100.0 * float(np.sqrt(np.mean(plan.weight * expected_um**2)))
+            / float(np.ptp(plan.reference_um)),
+            is_best=self.learner.best_rms_um == measured.rms_um < before_um)
+        self.runs.append(learned)
+        return learned
+
+    def _percent(self, measured: Measured) -> tuple[float, float]:
+        span_um = float(np.ptp(self.learner.plan.reference_um))
+        return 100.0 * measured.rms_um / span_um, 100.0 * measured.sigma_um / span_um
+
+    def _keep(self) -> None:
+        best = replace(
+            self.learner.best,
+            displacement_um=self.learner.stage.answer(self.learner.best.period_voltage_v))
+        write_planned_scan(
+            self.directory / _BEST, self.request, best, [f'learned from {len(self.runs)} runs'])
+        write_atomically(self.directory / RECORD, json.dumps({
+            'format_version': _FORMAT_VERSION, 'is_done': self.is_done,
+            'certificate_gamma': self.learner.plan.certificate.gamma,
+            'runs': [asdict(run) for run in self.runs]}, indent=2) + '\n')

@@ -1,0 +1,107 @@
+# Copyright 2026 piezo_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Whether learning by a model is certain to lessen the error on the true stage.
+
+A learning run replaces the coefficients c by c + H^-1 J' W e/N with the slope J of the model and
+H = J' W J/N + lambda I. On a stage with the slope J (I + D) the distance to the best voltage
+shrinks by
+
+    gamma = || I - H^{-1/2} J' W J_true H^{-1/2}/N || <= lambda/(sigma^2 + lambda) + max |D|
+
+while the same elements slip, also under the limits, which are a projection in the norm of H. sigma
+is the smallest singular value of the weighted slope. gamma < 1 accepts a plan; it is no rate.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
+
+__all__ = ['Certificate', 'certificate', 'contraction']
+
+
+class Certificate(NamedTuple):
+    """
+    The bound of the contraction of a learning run.
+
+    Attributes
+    ----------
+    gamma : float
+        The bound; below 1 learning is certain to approach the best voltage.
+    regularisation_share : float
+        What of it is due to the regularisation.
+    uncertainty : float
+        What of it is due to the uncertainty of the model.
+
+    """
+
+    gamma: float
+    regularisation_share: float
+    uncertainty: float
+
+    @property
+    def holds(self) -> bool:
+        """Whether learning is certain to approach the best voltage."""
+        return self.gamma < 1.0
+
+
+def certificate(
+    slope: NDArray[np.float64], weight: NDArray[np.float64], regularisation: float,
+    uncertainty: float,
+) -> Certificate:
+    """
+    Return the bound for a relative uncertainty of the slope.
+
+    Parameters
+    ----------
+    slope : ndarray, shape (P, M)
+        Derivative of the displacement by each coefficient, of the model.
+    weight : ndarray, shape (P,)
+        Weight of each sample's squared error.
+    regularisation : float
+        Weight lambda of the squared change of the coefficients.
+    uncertainty : float
+        Largest relative error of the slope.
+
+    """
+    singular = np.linalg.svd(
+        np.sqrt(weight / weight.size)[:, None] * slope, compute_uv=False)
+    share = regularisation / (float(singular[-1])**2 + regularisation)
+    return Certificate(share + uncertainty, share, uncertainty)
+
+
+def contraction(
+    slope: NDArray[np.float64], true_slope: NDArray[np.float64], weight: NDArray[np.float64],
+    regularisation: float,
+) -> float:
+    """
+    Return gamma for a known true slope, shape (P, M) as `slope`.
+
+    Parameters
+    ----------
+    slope, weight, regularisation
+        As for `certificate`.
+    true_slope : ndarray, shape (P, M)
+        Derivative of the displacement of the true stage.
+
+    """
+    weighted = (weight / weight.size)[:, None] * slope
+    normal = slope.T @ weighted + regularisation * np.eye(slope.shape[1])
+    root = np.linalg.cholesky(normal)
+    inner = solve_triangular(
+        root, solve_triangular(root, (weighted.T @ true_slope).T, lower=True).T, lower=True)
+    return float(np.linalg.norm(np.eye(slope.shape[1]) - inner, 2))

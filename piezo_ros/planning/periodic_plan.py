@@ -1,0 +1,332 @@
+# Copyright 2026 piezo_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+A periodic scan planned within the limits of the amplifier.
+
+The voltage of one period is a sum of odd harmonics up to a band,
+
+    u(t) = sum over odd k <= m of a_k cos(2 pi k f t) + b_k sin(2 pi k f t)
+
+whose coefficients bring the periodic displacement of the identified stage to the reference
+(Gauss-Newton, each step within the limits). The command that is played is v = H(u): its inverse in
+the compensator gives u back.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from piezo_ros.model import HysteresisParameters, MaxwellResistiveCapacitor
+from piezo_ros.planning.certificate import Certificate, certificate
+from piezo_ros.planning.constrained_step import AmplifierLimits, constrained_step
+from piezo_ros.planning.periodic_stage import LinearisedAnswer, PeriodicStage
+
+__all__ = ['PeriodicPlan', 'harmonic_basis', 'plan_periodic', 'repeating_samples']
+
+_ITERATIONS: Final = 12
+_SETTLED: Final = 1e-4  # relative change of the error at which the plan is done
+_REGULARISATION: Final = 1e-4  # of the mean square sensitivity
+_MOST_SAMPLES: Final = 20_000
+_FIRST_SHARE: Final = 0.5
+
+
+def repeating_samples(frequency_hz: float, sample_period_s: float) -> int:
+    """
+    Return after how many samples a periodic scan repeats itself sample by sample.
+
+    Parameters
+    ----------
+    frequency_hz : float
+        Frequency of the scan.
+    sample_period_s : float
+        Sample period, seconds.
+
+    Raises
+    ------
+    ValueError
+        If it takes more than 20 000 samples.
+
+    Examples
+    --------
+    >>> repeating_samples(300.0, 1e-5)  # three periods
+    1000
+
+    """
+    samples = 1.0 / (frequency_hz * sample_period_s)
+    for periods in range(1, max(math.floor(_MOST_SAMPLES / samples), 1) + 1):
+        whole = round(periods * samples)
+        if abs(periods * samples - whole) < 1e-7 * whole:
+            return whole
+    raise ValueError(
+        f'frequency_hz is {frequency_hz}: at a sample period of {sample_period_s:g} s it does not '
+        f'repeat within {_MOST_SAMPLES} samples; {1.0 / (round(samples) * sample_period_s):.9g} Hz '
+        'does')
+
+
+def harmonic_basis(turns: NDArray[np.float64], orders: NDArray[np.int64]) -> NDArray[np.float64]:
+    """
+    Return cosines, then sines, of the harmonics at given turns, shape (N, 2 K).
+
+    Parameters
+    ----------
+    turns : ndarray, shape (N,)
+        Time over the period.
+    orders : ndarray of int, shape (K,)
+        Orders of the harmonics.
+
+    """
+    angle = 2.0 * np.pi * np.outer(turns, orders)
+    return np.hstack([np.cos(angle), np.sin(angle)])
+
+
+@dataclass(frozen=True)
+class PeriodicPlan:
+    """
+    A planned scan.
+
+    Attributes
+    ----------
+    frequency_hz, sample_period_s : float
+        Of the scan and of its samples.
+    orders : ndarray of int, shape (K,)
+        Orders of the harmonics of the voltage.
+    coefficients_v : ndarray, shape (2 K,)
+        Cosine, then sine amplitudes.
+    reference_um, displacement_um : ndarray, shape (P,)
+        What is wanted and what is predicted, over the samples after which all repeats.
+    weight : ndarray, shape (P,)
+        Weight of each sample's squared error.
+    limits : AmplifierLimits
+        What the voltage keeps.
+    unlimited_error_um : ndarray, shape (P,)
+        Error that the band alone leaves, without limits: the truncation.
+    certificate : Certificate
+        Whether learning on the stage is certain to lessen the error.
+
+    """
+
+    frequency_hz: float
+    sample_period_s: float
+    orders: NDArray[np.int64]
+    coefficients_v: NDArray[np.float64]
+    reference_um: NDArray[np.float64]
+    displacement_um: NDArray[np.float64]
+    weight: NDArray[np.float64]
+    limits: AmplifierLimits
+    unlimited_error_um: NDArray[np.float64]
+    certificate: Certificate
+
+    @property
+    def predicted_nrmse_percent(self) -> float:
+        """Error of the prediction, percent of the peak-to-peak reference."""
+        return self._percent(self.reference_um - self.displacement_um)
+
+    @property
+    def line_nrmse_percent(self) -> float:
+        """Error of the prediction where it counts in full, percent of the peak-to-peak."""
+        counts = self.weight >= self.weight.max()
+        return self._percent((self.reference_um - self.displacement_um)[counts])
+
+    @property
+    def truncation_percent(self) -> float:
+        """Error that the band alone would leave, percent of the peak-to-peak reference."""
+        return self._percent(self.unlimited_error_um)
+
+    @property
+    def limit_use(self) -> float:
+        """Largest use of any limit of the amplifier, 1 at the limit."""
+        return self.limits.worst(self.period_voltage_v, self.sample_period_s)
+
+    @property
+    def period_voltage_v(self) -> NDArray[np.float64]:
+        """The voltage over the samples after which all repeats, shape (P,)."""
+        return self.voltage_v(self.reference_um.size)
+
+    def voltage_v(self, samples: int) -> NDArray[np.float64]:
+        """Return the voltage of the first samples of a run, deviations, shape (samples,)."""
+        turns = np.arange(samples, dtype=np.float64) * (
+            self.frequency_hz * self.sample_period_s)
+        return harmonic_basis(turns, self.orders) @ self.coefficients_v
+
+    def soft_start(self, samples: int, periods: float) -> NDArray[np.float64]:
+        """
+        Return the factors of a start from rest that keeps the limits, shape (samples,).
+
+        The ramp ends where the voltage crosses zero: with |du/dt| <= s and u(T) = 0, the product of
+        u and t/T rises by (t/T) s + |u|/T <= s at most.
+
+        Parameters
+        ----------
+        samples : int
+            Length of the run.
+        periods : float
+            Length of the ramp, which ends at the next crossing; 0 for none.
+
+        """
+        if periods <= 0.0:
+            return np.ones(samples)
+        first = math.ceil(periods / (self.frequency_hz * self.sample_period_s))
+        voltage_v = self.voltage_v(first + self.reference_um.size + 1)[first:]
+        crossing = int(np.flatnonzero(voltage_v[:-1] * voltage_v[1:] <= 0.0)[0])
+        before, after = voltage_v[crossing:crossing + 2].tolist()
+        share = before / (before - after) if before != after else 0.0
+        return np.minimum(np.arange(samples) / (first + crossing + share), 1.0)
+
+    def command_um(
+        self, samples: int, hysteresis: HysteresisParameters, ramp_periods: float = 0.0,
+    ) -> NDArray[np.float64]:
+        """
+        Return the command that the compensator turns into the planned voltage, shape (samples,).
+
+        Parameters
+        ----------
+        samples : int
+            Length of the run.
+        hysteresis : HysteresisParameters
+            The hysteresis that the compensator inverts.
+        ramp_periods : float, optional
+            Periods of the soft start.
+
+        """
+        operator = MaxwellResistiveCapacitor(hysteresis.kappa_um_per_v, hysteresis.saturation_v)
+        return operator.forward(
+            self.soft_start(samples, ramp_periods) * self.voltage_v(samples))[0]
+
+    def _percent(self, error_um: NDArray[np.float64]) -> float:
+        return 100.0 * float(
+            np.sqrt(np.mean(error_um**2)) / np.ptp(self.reference_um))
+
+
+def plan_periodic(
+    stage: PeriodicStage, reference_um: NDArray[np.float64], frequency_hz: float,
+    sample_period_s: float, *, band_hz: float, limits: AmplifierLimits | None = None,
+    weight: Sequence[float] | NDArray[np.float64] | None = None, uncertainty: float = 0.0,
+) -> PeriodicPlan:
+    """
+    Return the voltage that brings a stage along a periodic reference within limits.
+
+    Parameters
+    ----------
+    stage : PeriodicStage
+        The identified stage, of P samples.
+    reference_um : ndarray, shape (P,)
+        The reference over the samples after which it repeats; its second half period mirrors the
+        first one.
+    frequency_hz, sample_period_s : float
+        Of the scan and of its samples.
+    band_hz : float
+        Highest frequency of the voltage.
+    limits : AmplifierLimits, optional
+        What the voltage keeps; nothing by default.
+    weight : array_like, shape (P,), optional
+        Weight of each sample's squared error, 1 by default; small where the scan may turn freely.
+    uncertainty : float, optional
+        Largest relative error of the model in the band, for the certificate.
+
+    Returns
+    -------
+    PeriodicPlan
+        The plan with its predicted error.
+
+    Raises
+    ------
+    ValueError
+        If the band has no harmonic, or sizes do not agree.
+    InfeasibleError
+        If no voltage of the band keeps the limits.
+
+    """
+    if reference_um.shape != (stage.samples,):
+        raise ValueError(
+            f'reference_um has the shape {reference_um.shape}, the stage has {stage.samples} '
+            'samples')
+    top = min(band_hz, 0.5 / sample_period_s * (1.0 - 1e-9))
+    orders = np.arange(1, math.floor(top / frequency_hz) + 1, 2)
+    if not orders.size:
+        raise ValueError(
+            f'band_hz is {band_hz:g}: it must be at least frequency_hz, {frequency_hz:g} Hz, and '
+            'both below the Nyquist frequency')
+    weights = np.ones(stage.samples) if weight is None else np.asarray(weight, dtype=np.float64)
+    basis = harmonic_basis(
+        np.arange(stage.samples, dtype=np.float64) * (frequency_hz * sample_period_s), orders)
+    start = _start(stage, reference_um, basis)
+    free, _ = _descend(
+        stage, reference_um, weights, basis, start, AmplifierLimits(), sample_period_s)
+    kept = limits or AmplifierLimits()
+    unlimited_um = reference_um - stage.answer(basis @ free)
+    if kept.worst(basis @ free, sample_period_s) > 1.0:
+        coefficients, answer = _descend(
+            stage, reference_um, weights, basis, start, kept, sample_period_s)
+    else:
+        coefficients, answer = free, stage.linearise(basis @ free, basis)
+    return PeriodicPlan(
+        frequency_hz=frequency_hz, sample_period_s=sample_period_s, orders=orders,
+        coefficients_v=coefficients, reference_um=reference_um,
+        displacement_um=answer.displacement_um, weight=weights, limits=kept,
+        unlimited_error_um=unlimited_um,
+        certificate=certificate(
+            answer.slope, weights, regularisation_of(answer.slope), uncertainty))
+
+
+def regularisation_of(slope: NDArray[np.float64]) -> float:
+    """Return the weight of the squared change of the coefficients."""
+    return _REGULARISATION * float(np.sum(slope**2)) / slope.size
+
+
+def _start(
+    stage: PeriodicStage, reference_um: NDArray[np.float64], basis: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Return the first harmonic of the reference over the gain of the stage, half as large."""
+    half = basis.shape[1] // 2
+    first = basis[:, [0, half]]
+    shares = np.linalg.lstsq(first, reference_um, rcond=None)[0]
+    unit_v = first @ (shares / np.hypot(*shares))
+    gain_um_per_v = float(np.ptp(stage.answer(unit_v)) / np.ptp(unit_v))
+    start = np.zeros(basis.shape[1])
+    start[[0, half]] = _FIRST_SHARE * shares / gain_um_per_v
+    return start
+
+
+def _descend(
+    stage: PeriodicStage, reference_um: NDArray[np.float64], weight: NDArray[np.float64],
+    basis: NDArray[np.float64], start: NDArray[np.float64], limits: AmplifierLimits,
+    sample_period_s: float,
+) -> tuple[NDArray[np.float64], LinearisedAnswer]:
+    """Return the best coefficients that the steps come to, and the stage's answer to them."""
+    coefficients = start
+    answer = stage.linearise(basis @ coefficients, basis)
+    squares = math.inf
+    for _ in range(_ITERATIONS):
+        error_um = reference_um - answer.displacement_um
+        change = constrained_step(
+            answer.slope, error_um, weight, regularisation_of(answer.slope), basis, coefficients,
+            limits, sample_period_s)
+        for share in (1.0, 0.5, 0.25):
+            tried = stage.linearise(basis @ (coefficients + share * change), basis)
+            now = float(np.sum(weight * (reference_um - tried.displacement_um)**2))
+            if now < squares:
+                break
+        else:
+            break
+        coefficients, answer = coefficients + share * change, tried
+        settled = squares - now < _SETTLED * now
+        squares = now
+        if settled:
+            break
+    return coefficients, answer

@@ -1,0 +1,127 @@
+# Copyright 2026 piezo_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""``piezo learn``: runs that improve a planned scan, interrupted and resumed, offline and live."""
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from piezo_ros.cli.main import main
+from piezo_ros.experiment.planned_scan import read_planned_scan
+from piezo_ros.experiment.scan_learning import ScanLearning
+from piezo_ros.model import DynamicsParameters, HysteresisParameters, RigParameters
+from piezo_ros.parameters.parameter_file import parameters_yaml, read_parameter_set
+
+RIG_FILE = Path(__file__).parents[2] / 'config' / 'rig.yaml'
+RIG = read_parameter_set(RIG_FILE, 'plant', RigParameters)
+
+
+@pytest.fixture
+def scan(tmp_path, monkeypatch):
+    """Plan a scan by models that are somewhat wrong."""
+    monkeypatch.chdir(tmp_path)
+    true = RIG.true_dynamics
+    (tmp_path / 'trajectory.yaml').write_text(parameters_yaml('/**', {'trajectory': {
+        name: getattr(true, name) for name in DynamicsParameters.names()
+        if getattr(true, name) != ()}}))
+    wrong = HysteresisParameters(
+        kappa_um_per_v=tuple(1.05 * np.array(RIG.kappa_um_per_v)),
+        saturation_v=RIG.saturation_v)
+    (tmp_path / 'compensator.yaml').write_text(parameters_yaml(
+        '/**', {'compensator': wrong.to_mapping()}))
+    assert main([
+        'plan', 'trajectory.yaml', '--compensator', 'compensator.yaml', '--plant', str(RIG_FILE),
+        '--amplitude-um', '1', '--frequency-hz', '500', '-o', 'scan.yaml']) == 0
+    return tmp_path / 'scan.yaml'
+
+
+def learn(*further, directory='learned', offline=True):
+    return main([
+        'learn', 'scan.yaml', '--parameters', str(RIG_FILE), '-o', directory,
+        *(['--offline'] if offline else []), *further])
+
+
+def errors(directory='learned'):
+    record = json.loads((Path(directory) / 'learning.json').read_text())
+    return [run['nrmse_percent'] for run in record['runs']]
+
+
+def test_few_runs_improve_a_scan_and_the_best_is_kept(scan, capsys):
+    assert learn() == 0
+    percent = errors()
+    assert min(percent) < 0.16 < 0.3 * percent[0]
+    assert 'the best scan: learned/best.yaml' in capsys.readouterr().out
+    _, best = read_planned_scan(Path('learned/best.yaml'))
+    assert best.limit_use < 1.0 + 1e-5
+    # The best scan is one more scan to learn from, and begins as good as it ended.
+    shutil.copy('learned/best.yaml', scan)
+    assert learn('--runs', '1', directory='again') == 0
+    assert errors('again')[0] == pytest.approx(min(percent), abs=0.02)
+
+
+def test_an_interrupted_learning_goes_on_where_it_was(scan, capsys):
+    assert learn(directory='whole') == 0
+    assert learn('--runs', '2') == 0
+    capsys.readouterr()
+    assert learn('--resume') == 0
+    assert '2 runs are there already' in capsys.readouterr().out
+    assert errors() == errors('whole')
+    for name in ('best.npz', 'learning.json'):
+        assert (Path('learned') / name).read_bytes() == (Path('whole') / name).read_bytes()
+
+
+def test_a_run_that_fails_leaves_what_was_learned(scan):
+    request, plan = read_planned_scan(scan)
+    learning = ScanLearning(
+        request, plan, Path('learned'), {
+            'plant': RIG.to_mapping(), 'trajectory': {}, 'compensator': {}, 'controller': {}})
+    from piezo_ros.experiment.offline import simulate_run
+    learning.next_run(simulate_run)
+
+    def interrupted(planned, bag):
+        simulate_run(planned, bag)
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        learning.next_run(interrupted)
+    assert len(errors()) == 1
+    assert Path('learned/best.yaml').exists()
+
+
+@pytest.mark.parametrize(('further', 'code', 'problem'), [
+    (['--runs', '0'], 2, '--runs is 0, it must be 1 at least'),
+    (['--parameters', 'none.yaml'], 2, 'none.yaml: No such file'),
+])
+def test_what_cannot_be_learned_is_refused_by_name(scan, capsys, further, code, problem):
+    assert learn(*further) == code
+    assert problem in capsys.readouterr().err
+
+
+def test_an_output_is_replaced_only_by_force(scan, capsys):
+    assert learn('--runs', '1') == 0
+    assert learn('--runs', '1') != 0
+    assert 'learned exists; --force replaces it' in capsys.readouterr().err
+    assert learn('--runs', '1', '--force') == 0
+
+
+def test_live_runs_have_the_bits_of_the_offline_ones(scan):
+    pytest.importorskip('rclpy')
+    assert learn('--runs', '2', directory='offline') == 0
+    assert learn('--runs', '2', '--composed', directory='live', offline=False) == 0
+    for name in ('best.npz', 'learning.json'):
+        assert (Path('live') / name).read_bytes() == (Path('offline') / name).read_bytes()

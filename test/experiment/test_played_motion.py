@@ -1,0 +1,142 @@
+# Copyright 2026 piezo_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A motion out of a file in a whole run: planned, simulated, refused."""
+
+import numpy as np
+import pytest
+
+from piezo_ros.control import ControllerParameters, TrajectoryParameters, simulate
+from piezo_ros.control.motion_table import MotionTable, MotionTableError, write_motion_table
+from piezo_ros.control.trajectory_blocks import trajectory_blocks
+from piezo_ros.experiment.plan import read_plan
+from piezo_ros.model import HysteresisParameters, ParameterError, RigParameters
+from piezo_ros.parameters.errors import PlanError
+
+PERIOD_S = 1e-5
+PLAN = """\
+format_version: 1
+parameter_files: []
+runs:
+  - scheme: ff
+    waveform: file
+    file: {file}
+    frequency_hz: 500.0
+    periods: 4
+"""
+
+
+@pytest.fixture
+def motion(tmp_path):
+    """Write a motion of a start of 100 samples and a period of 200."""
+    turns = np.arange(300) / 200
+    table = MotionTable(
+        np.sin(2.0 * np.pi * turns) * np.minimum(turns * 2.0, 1.0),
+        1.02 * np.sin(2.0 * np.pi * (turns + 0.01)) * np.minimum(turns * 2.0, 1.0),
+        PERIOD_S, repeat_from=100)
+    write_motion_table(tmp_path / 'motion.npz', table)
+    return tmp_path / 'motion.npz', table
+
+
+def trajectory(path, **given):
+    return TrajectoryParameters(
+        waveform='file', file=str(path), frequency_hz=500.0,
+        **{'periods': 5.0, 'harmonics': 0, **given})
+
+
+@pytest.mark.parametrize('compiled', [False, True])
+def test_the_motion_is_played_start_first_then_its_period(motion, compiled):
+    path, table = motion
+    parameters = trajectory(path)
+    assert parameters.samples == 1000
+    blocks = trajectory_blocks(parameters, compiled=compiled)
+    places = [table.place(k) for k in range(1000)]
+    reference_um, command_um = (np.concatenate(parts) for parts in zip(
+        *(blocks(start, 125) for start in range(0, 1000, 125)), strict=True))
+    np.testing.assert_array_equal(reference_um, table.reference_um[places])
+    np.testing.assert_array_equal(command_um, table.command_um[places])
+
+
+def test_a_motion_without_repetition_is_as_long_as_its_table(tmp_path):
+    write_motion_table(tmp_path / 'once.npz', MotionTable(np.linspace(0.0, 1.0, 77), None, 1e-5))
+    parameters = trajectory(tmp_path / 'once.npz')
+    assert parameters.samples == 77
+    _, feedforward_um = trajectory_blocks(parameters)(0, 77)
+    np.testing.assert_allclose(
+        feedforward_um, np.linspace(0.0, 1.0, 77) / parameters.dc_gain, rtol=1e-15)
+
+
+def test_the_scheme_ff_sends_the_commands_of_the_file(motion):
+    path, table = motion
+    run = simulate(
+        RigParameters(), HysteresisParameters(), ControllerParameters(scheme='ff'),
+        trajectory(path))
+    np.testing.assert_array_equal(
+        run.command_um, table.command_um[[table.place(k) for k in range(1000)]])
+
+
+def test_a_plan_takes_a_file(motion, tmp_path):
+    path, _ = motion
+    (tmp_path / 'plan.yaml').write_text(PLAN.format(file=path))
+    (run,) = read_plan(tmp_path / 'plan.yaml').runs
+    assert run.name == '000_ff_file_1um_500hz'
+    assert run.trajectory.samples == 800
+
+
+def test_what_is_known_of_a_run_does_not_need_its_file(motion):
+    path, _ = motion
+    parameters = trajectory(path)
+    path.unlink()
+    assert TrajectoryParameters.from_mapping(parameters.to_mapping()) == parameters
+    with pytest.raises(MotionTableError, match=r'motion\.npz: No such file'):
+        trajectory_blocks(parameters)
+
+
+def test_a_file_that_changes_is_read_anew(motion):
+    path, table = motion
+    parameters = trajectory(path)
+    before, _ = trajectory_blocks(parameters)(0, 10)
+    write_motion_table(path, MotionTable(2.0 * table.reference_um, None, PERIOD_S, 100))
+    after, _ = trajectory_blocks(parameters)(0, 10)
+    np.testing.assert_array_equal(after, 2.0 * np.array(before))
+
+
+@pytest.mark.parametrize(('given', 'problem'), [
+    ({'waveform': 'file'}, "file is '' and waveform 'file'"),
+    ({'waveform': 'triangle', 'file': 'x.csv'}, "file is 'x.csv' and waveform 'triangle'"),
+    ({'waveform': 'file', 'file': 'x.csv', 'output': 'voltage'}, 'output is voltage'),
+])
+def test_a_file_belongs_to_its_waveform(given, problem):
+    with pytest.raises(ParameterError, match=problem):
+        TrajectoryParameters(harmonics=0, **given)
+
+
+@pytest.mark.parametrize(('reference_um', 'problem'), [
+    (np.linspace(0.0, 7.0, 1000), 'motion.npz: it reaches 7 um'),
+    (np.zeros(10), 'it reaches 0 um, it must be above 0'),
+    (np.concatenate([np.zeros(10), np.ones(10)]), 'jumps by 1 um from sample 9 to sample 10'),
+])
+def test_a_plan_refuses_what_the_stage_cannot_make(tmp_path, reference_um, problem):
+    write_motion_table(tmp_path / 'motion.npz', MotionTable(reference_um, None, PERIOD_S))
+    (tmp_path / 'plan.yaml').write_text(
+        PLAN.format(file=tmp_path / 'motion.npz')
+        + '    plant: {slew_limit_v_per_s: 18200.0}\n')
+    with pytest.raises(PlanError, match=problem):
+        read_plan(tmp_path / 'plan.yaml')
+
+
+def test_a_plan_names_a_file_that_is_not_there(tmp_path):
+    (tmp_path / 'plan.yaml').write_text(PLAN.format(file='none.npz'))
+    with pytest.raises(PlanError, match='none.npz: No such file'):
+        read_plan(tmp_path / 'plan.yaml')
