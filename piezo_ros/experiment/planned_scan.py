@@ -167,7 +167,8 @@ def planned_scan(request: ScanRequest) -> PeriodicPlan:
     plan = plan_periodic(
         stage_of(request), request.reference_um, request.frequency_hz, request.sample_period_s,
         band_hz=request.band, limits=request.limits, weight=request.weight,
-        uncertainty=request.uncertainty)
+        uncertainty=request.uncertainty,
+        is_symmetric=not request.hysteresis.asymmetry_threshold_um)
     if plan.line_nrmse_percent > _WORST_PERCENT:
         raise ValueError(
             f'amplitude_um is {request.amplitude_um:g} at {request.frequency_hz:g} Hz: within its '
@@ -214,8 +215,9 @@ def write_planned_scan(
         'frequency_hz': request.frequency_hz, 'sample_period_s': request.sample_period_s,
         'harmonics': 0, **_given(request.dynamics)}
     text = ''.join(f'# {line}\n' for note in notes for line in note.splitlines())
+    facts = {name: value for name, value in _facts(request, plan).items() if value != []}
     write_atomically(path, text + parameters_yaml(
-        '/**', {'trajectory': trajectory, FACTS: _facts(request, plan)}))
+        '/**', {'trajectory': trajectory, FACTS: facts}))
     return path, motion_path
 
 
@@ -264,6 +266,8 @@ def _facts(request: ScanRequest, plan: PeriodicPlan) -> dict[str, Any]:
         'ramp_periods': request.ramp_periods, 'uncertainty': request.uncertainty,
         'kappa_um_per_v': list(request.hysteresis.kappa_um_per_v),
         'saturation_v': list(request.hysteresis.saturation_v),
+        'asymmetry_threshold_um': list(request.hysteresis.asymmetry_threshold_um),
+        'asymmetry_weight': list(request.hysteresis.asymmetry_weight),
         'coefficients_v': plan.coefficients_v.tolist(),
         'predicted_nrmse_percent': plan.predicted_nrmse_percent,
         'truncation_percent': plan.truncation_percent,

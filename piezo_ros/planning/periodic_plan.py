@@ -15,13 +15,13 @@
 """
 A periodic scan planned within the limits of the amplifier.
 
-The voltage of one period is a sum of odd harmonics up to a band,
+The voltage of one period is a sum of harmonics up to a band,
 
-    u(t) = sum over odd k <= m of a_k cos(2 pi k f t) + b_k sin(2 pi k f t)
+    u(t) = sum over k <= m of a_k cos(2 pi k f t) + b_k sin(2 pi k f t)
 
-whose coefficients bring the periodic displacement of the identified stage to the reference
-(Gauss-Newton, each step within the limits). The command that is played is v = H(u): its inverse in
-the compensator gives u back.
+with odd k for a symmetric stage, else with all and a mean, k = 0. Their coefficients bring the
+periodic displacement of the identified stage to the reference (Gauss-Newton, each step within the
+limits). The command that is played is v = H(u): its inverse in the compensator gives u back.
 """
 
 import math
@@ -81,18 +81,18 @@ def repeating_samples(frequency_hz: float, sample_period_s: float) -> int:
 
 def harmonic_basis(turns: NDArray[np.float64], orders: NDArray[np.int64]) -> NDArray[np.float64]:
     """
-    Return cosines, then sines, of the harmonics at given turns, shape (N, 2 K).
+    Return cosines, then sines, of the harmonics at given turns, shape (N, M).
 
     Parameters
     ----------
     turns : ndarray, shape (N,)
         Time over the period.
     orders : ndarray of int, shape (K,)
-        Orders of the harmonics.
+        Orders of the harmonics, rising; 0 has no sine, M = 2 K or 2 K - 1.
 
     """
     angle = 2.0 * np.pi * np.outer(turns, orders)
-    return np.hstack([np.cos(angle), np.sin(angle)])
+    return np.hstack([np.cos(angle), np.sin(angle[:, orders > 0])])
 
 
 @dataclass(frozen=True)
@@ -106,7 +106,7 @@ class PeriodicPlan:
         Of the scan and of its samples.
     orders : ndarray of int, shape (K,)
         Orders of the harmonics of the voltage.
-    coefficients_v : ndarray, shape (2 K,)
+    coefficients_v : ndarray, shape (M,)
         Cosine, then sine amplitudes.
     reference_um, displacement_um : ndarray, shape (P,)
         What is wanted and what is predicted, over the samples after which all repeats.
@@ -204,8 +204,7 @@ class PeriodicPlan:
             Periods of the soft start.
 
         """
-        operator = MaxwellResistiveCapacitor(hysteresis.kappa_um_per_v, hysteresis.saturation_v)
-        return operator.forward(
+        return MaxwellResistiveCapacitor.of(hysteresis).forward(
             self.soft_start(samples, ramp_periods) * self.voltage_v(samples))[0]
 
     def _percent(self, error_um: NDArray[np.float64]) -> float:
@@ -217,6 +216,7 @@ def plan_periodic(
     stage: PeriodicStage, reference_um: NDArray[np.float64], frequency_hz: float,
     sample_period_s: float, *, band_hz: float, limits: AmplifierLimits | None = None,
     weight: Sequence[float] | NDArray[np.float64] | None = None, uncertainty: float = 0.0,
+    is_symmetric: bool = True,
 ) -> PeriodicPlan:
     """
     Return the voltage that brings a stage along a periodic reference within limits.
@@ -238,6 +238,8 @@ def plan_periodic(
         Weight of each sample's squared error, 1 by default; small where the scan may turn freely.
     uncertainty : float, optional
         Largest relative error of the model in the band, for the certificate.
+    is_symmetric : bool, optional
+        Whether stage and reference are the same upside down, so that odd harmonics are enough.
 
     Returns
     -------
@@ -257,15 +259,16 @@ def plan_periodic(
             f'reference_um has the shape {reference_um.shape}, the stage has {stage.samples} '
             'samples')
     top = min(band_hz, 0.5 / sample_period_s * (1.0 - 1e-9))
-    orders = np.arange(1, math.floor(top / frequency_hz) + 1, 2)
-    if not orders.size:
+    highest = math.floor(top / frequency_hz)
+    orders = np.arange(1, highest + 1, 2) if is_symmetric else np.arange(highest + 1)
+    if not highest:
         raise ValueError(
             f'band_hz is {band_hz:g}: it must be at least frequency_hz, {frequency_hz:g} Hz, and '
             'both below the Nyquist frequency')
     weights = np.ones(stage.samples) if weight is None else np.asarray(weight, dtype=np.float64)
     basis = harmonic_basis(
         np.arange(stage.samples, dtype=np.float64) * (frequency_hz * sample_period_s), orders)
-    start = _start(stage, reference_um, basis)
+    start = _start(stage, reference_um, basis, orders)
     free, _ = _descend(
         stage, reference_um, weights, basis, start, AmplifierLimits(), sample_period_s)
     kept = limits or AmplifierLimits()
@@ -291,15 +294,17 @@ def regularisation_of(slope: NDArray[np.float64]) -> float:
 
 def _start(
     stage: PeriodicStage, reference_um: NDArray[np.float64], basis: NDArray[np.float64],
+    orders: NDArray[np.int64],
 ) -> NDArray[np.float64]:
     """Return the first harmonic of the reference over the gain of the stage, half as large."""
-    half = basis.shape[1] // 2
-    first = basis[:, [0, half]]
+    cosine = int(np.flatnonzero(orders == 1)[0])
+    pair = [cosine, orders.size]  # the sines follow the cosines
+    first = basis[:, pair]
     shares = np.linalg.lstsq(first, reference_um, rcond=None)[0]
     unit_v = first @ (shares / np.hypot(*shares))
     gain_um_per_v = float(np.ptp(stage.answer(unit_v)) / np.ptp(unit_v))
     start = np.zeros(basis.shape[1])
-    start[[0, half]] = _FIRST_SHARE * shares / gain_um_per_v
+    start[pair] = _FIRST_SHARE * shares / gain_um_per_v
     return start
 
 

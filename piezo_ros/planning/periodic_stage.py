@@ -24,7 +24,8 @@ Liu 2015 give the derivative
 
     (1/kappa_{n+1} + sum over S of 1/kappa_i) dx = dw + sum over S of dr_i/kappa_i,   dr_i = dx
 
-the latter for every element that slips. As long as S stays, the sum over S is constant.
+the latter for every element that slips. As long as S stays, the sum over S is constant. A map of
+asymmetry behind the elements multiplies dx by its slope.
 
 Examples
 --------
@@ -107,8 +108,12 @@ class PeriodicStage:
             z if before.a.size else 1.0)
         self._behind = _response(
             discretise_first_order_hold(behind, sample_period_s), z) * late
-        self._operator = MaxwellResistiveCapacitor(
+        self._operator = MaxwellResistiveCapacitor.of(hysteresis)
+        # The plays move with what is before the map of asymmetry.
+        self._elements = MaxwellResistiveCapacitor(
             hysteresis.kappa_um_per_v, hysteresis.saturation_v)
+        self._threshold_um = np.array(hysteresis.asymmetry_threshold_um)
+        self._weight = np.array(hysteresis.asymmetry_weight)
         *limited, unlimited = hysteresis.kappa_um_per_v
         self._slope_v_per_um = 1.0 / np.array(limited)
         self._unlimited_v_per_um = 1.0 / unlimited
@@ -132,11 +137,13 @@ class PeriodicStage:
             Changes of the voltage, each periodic.
 
         """
-        free_um = self._free(self._filtered(self._before, voltage_v))
+        driving_v = self._filtered(self._before, voltage_v)
+        inner_um = self._elements.forward(np.concatenate([driving_v, driving_v]))[0]
         driving = self._filtered(self._before, directions)
-        slope = self._free_slope(free_um, np.vstack([driving, driving]))[self.samples:]
+        slope = self._free_slope(inner_um, np.vstack([driving, driving]))[self.samples:]
+        slope *= self._map_slope(inner_um[self.samples:])[:, None]
         return LinearisedAnswer(
-            self._filtered(self._behind, free_um[self.samples:]),
+            self._filtered(self._behind, self._free(driving_v)[self.samples:]),
             self._filtered(self._behind, slope))
 
     def _filtered(self, response: NDArray[np.complex128], values: _Floats) -> _Floats:
@@ -147,6 +154,13 @@ class PeriodicStage:
     def _free(self, driving_v: _Floats) -> _Floats:
         """Return two periods of H from the virgin state, shape (2 P,); the second one repeats."""
         return self._operator.forward(np.concatenate([driving_v, driving_v]))[0]
+
+    def _map_slope(self, inner_um: _Floats) -> _Floats:
+        """Return the slope of the map of asymmetry, 1 without one."""
+        upper = self._threshold_um >= 0.0
+        beyond = np.where(
+            upper, inner_um[:, None] > self._threshold_um, inner_um[:, None] < self._threshold_um)
+        return np.asarray(1.0 + beyond @ self._weight)
 
     def _free_slope(self, free_um: _Floats, driving: _Floats) -> _Floats:
         """Return the derivative of two periods of H, shape (2 P, M)."""

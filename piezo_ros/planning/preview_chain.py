@@ -155,8 +155,7 @@ class PreviewChain:
         sample_period_s: float, *, preview: int = 30, taps: int = 71, before_preview: int = 4,
         before_taps: int = 20,
     ) -> None:
-        self._operator = MaxwellResistiveCapacitor(
-            hysteresis.kappa_um_per_v, hysteresis.saturation_v)
+        self._operator = MaxwellResistiveCapacitor.of(hysteresis)
         self._behind = inverse_taps(
             _impulse(discretise_first_order_hold(behind, sample_period_s)), preview, taps)
         # A reading at the end of the sample period in which the voltage is held.

@@ -137,6 +137,23 @@ def test_feedback_that_is_aligned_does_not_spoil_a_plan_and_removes_drift():
     assert run_beside_feedback(plan, drifting, 1) < plan.predicted_nrmse_percent + 0.02
 
 
+def test_a_stage_with_an_asymmetry_is_planned_with_all_harmonics():
+    lopsided = RIG.replaced(
+        asymmetry_threshold_um=(-1.0, 0.5, 1.2), asymmetry_weight=(0.1, -0.08, -0.05))
+    samples = repeating_samples(500.0, PERIOD_S)
+    reference_um = triangle(2.0, 500.0, samples)
+    plans = [
+        plan_periodic(
+            stage_of(lopsided, samples), reference_um, 500.0, PERIOD_S, band_hz=15_000.0,
+            is_symmetric=symmetric)
+        for symmetric in (False, True)]
+    assert plans[0].predicted_nrmse_percent < 0.1 * plans[1].predicted_nrmse_percent
+    rig = Rig(lopsided, PERIOD_S)
+    readings_um = rig.run(plans[0].soft_start(4 * samples, 1.0) * plans[0].voltage_v(4 * samples))
+    np.testing.assert_allclose(
+        readings_um[-samples - 1:-1], plans[0].displacement_um, atol=1e-9)
+
+
 def test_a_stage_without_hysteresis_and_poles_follows_exactly():
     stage = PeriodicStage(
         gain(1.0), HysteresisParameters(kappa_um_per_v=(1.0, 2.0), saturation_v=(0.0,)),
