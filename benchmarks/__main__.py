@@ -37,7 +37,7 @@ from benchmarks.record import (
 )
 from benchmarks.sweeps import SWEEP_RATIOS, SWEEPS
 from benchmarks.yardsticks import YARDSTICKS
-from piezo_ros.cli.progress import Progress
+from piezo_ros.cli.shared.progress import Progress
 from piezo_ros.report.figures.export import png, svg
 
 __all__ = ['main']

@@ -23,7 +23,7 @@ from typing import Final
 import numpy as np
 
 from piezo_ros.bag import STREAMS, BagError, open_recording, salvage
-from piezo_ros.cli.bag_options import add_bag_options, bag_options
+from piezo_ros.cli.shared.bag_options import add_bag_options, bag_options
 from piezo_ros.parameters.role_parameters import full_name
 from piezo_ros.report.files import put_in_place
 

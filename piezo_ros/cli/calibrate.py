@@ -18,7 +18,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from piezo_ros.cli.progress import Progress
+from piezo_ros.cli.shared.progress import Progress
 from piezo_ros.report.files import write_atomically
 
 __all__ = ['add_arguments']

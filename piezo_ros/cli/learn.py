@@ -22,9 +22,9 @@ from pathlib import Path
 from typing import Any, Final
 
 from piezo_ros.bag import BagError
-from piezo_ros.cli.exit_codes import EXIT_DONE, EXIT_FAILED
-from piezo_ros.cli.progress import Progress
 from piezo_ros.cli.run import check_ros
+from piezo_ros.cli.shared.exit_codes import EXIT_DONE, EXIT_FAILED
+from piezo_ros.cli.shared.progress import Progress
 from piezo_ros.parameters.errors import CampaignError, PlanError, failure_text
 from piezo_ros.parameters.node_parameters import LOOP_NODES
 from piezo_ros.parameters.parameter_file import read_parameter_file

@@ -23,7 +23,7 @@ import sys
 from collections.abc import Sequence
 from typing import Final
 
-from piezo_ros.cli.exit_codes import EXIT_FAILED, EXIT_USAGE
+from piezo_ros.cli.shared.exit_codes import EXIT_FAILED, EXIT_USAGE
 from piezo_ros.crash_report import report_crashes
 from piezo_ros.interruption import Interruption, remembering_interruption, stopped_by
 from piezo_ros.matrix_threads import use_one_thread
@@ -65,7 +65,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns
     -------
     int
-        One of `piezo_ros.cli.exit_codes`.
+        One of `piezo_ros.cli.shared.exit_codes`.
 
     """
     report_crashes()

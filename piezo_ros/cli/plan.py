@@ -20,7 +20,7 @@ import sys
 from pathlib import Path
 from typing import Final
 
-from piezo_ros.cli.exit_codes import EXIT_DONE, EXIT_FAILED, EXIT_USAGE
+from piezo_ros.cli.shared.exit_codes import EXIT_DONE, EXIT_FAILED, EXIT_USAGE
 from piezo_ros.model import DynamicsParameters, HysteresisParameters, ParameterError, RigParameters
 from piezo_ros.parameters.errors import PlanError, failure_text
 from piezo_ros.parameters.parameter_file import read_parameter_set
@@ -150,7 +150,7 @@ def _plan_motion(
     options: argparse.Namespace, plant: RigParameters, dynamics: DynamicsParameters,
     hysteresis: HysteresisParameters, notes: tuple[str, ...],
 ) -> tuple[Path, ...]:
-    from piezo_ros.control.motion_table import read_motion_table
+    from piezo_ros.control.tables.motion_table import read_motion_table
     from piezo_ros.experiment.planned_motion import planned_motion
     from piezo_ros.experiment.planned_scan import limits_of, write_motion
     motion = read_motion_table(options.motion, options.sample_period_s)

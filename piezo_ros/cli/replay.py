@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 from piezo_ros.bag import BagError, read
-from piezo_ros.cli.bag_options import add_bag_options, bag_options
+from piezo_ros.cli.shared.bag_options import add_bag_options, bag_options
 from piezo_ros.control import SCHEMES, ControllerParameters
 from piezo_ros.model import (
     DynamicsParameters,

@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Final
 
 from piezo_ros.bag import BagError, Recording, open_recording
-from piezo_ros.cli.bag_options import add_bag_options, bag_options
+from piezo_ros.cli.shared.bag_options import add_bag_options, bag_options
 from piezo_ros.experiment.output_directory import prepare_directory
 from piezo_ros.parameters.errors import PlanError, failure_text
 from piezo_ros.parameters.provenance import software_versions

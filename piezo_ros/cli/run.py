@@ -21,7 +21,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from piezo_ros.bag import BagError
-from piezo_ros.cli.progress import Progress
+from piezo_ros.cli.shared.progress import Progress
 from piezo_ros.experiment.campaign import run_campaign
 from piezo_ros.experiment.output_directory import prepare_directory
 from piezo_ros.experiment.plan import Plan, read_plan

@@ -16,8 +16,8 @@
 
 import argparse
 
-from piezo_ros.cli.progress import Progress
 from piezo_ros.cli.run import add_plan_arguments, run_plan, with_plan
+from piezo_ros.cli.shared.progress import Progress
 from piezo_ros.experiment.plan import Plan
 
 __all__ = ['add_arguments']

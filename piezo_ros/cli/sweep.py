@@ -20,7 +20,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from piezo_ros.cli.progress import Progress
+from piezo_ros.cli.shared.progress import Progress
 from piezo_ros.interruption import stopped_by
 from piezo_ros.parameters.errors import CampaignError, PlanError, failure_text
 

@@ -22,8 +22,9 @@ With n = f Ts k, the periods since the start, and the phase p = n - floor(n)::
     decreasing_triangle  triangle times max(0, 1 - floor(n) / periods)
 
 each times the amplitude and, in the first ``ramp_periods`` r, times the soft start
-(1 - cos(pi n / r)) / 2. Stepped sine and multisine are tables, see `piezo_ros.control.excitation`,
-and so is a motion out of a file, see `piezo_ros.control.motion_table`.
+(1 - cos(pi n / r)) / 2. Stepped sine and multisine are tables, see
+`piezo_ros.control.tables.excitation`, and so is a motion out of a file, see
+`piezo_ros.control.tables.motion_table`.
 
 Nothing is accumulated from sample to sample: any sample can be computed alone, in any order, with
 the same bits.
@@ -35,8 +36,8 @@ from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
 
-from piezo_ros.control.excitation import Excitation, multisine, stepped_sine
-from piezo_ros.control.motion_table import MotionTable, MotionTableError, read_motion_table
+from piezo_ros.control.tables.excitation import Excitation, multisine, stepped_sine
+from piezo_ros.control.tables.motion_table import MotionTable, MotionTableError, read_motion_table
 from piezo_ros.model.parameters import ParameterError, ParameterSet, parameter
 from piezo_ros.model.step import step
 
@@ -63,7 +64,7 @@ WAVEFORMS = ('triangle', 'sine', 'decreasing_triangle', 'stepped_sine', 'multisi
 TRIANGLE, SINE, DECREASING_TRIANGLE = range(3)
 FILE = WAVEFORMS[5]
 REPEATING = WAVEFORMS[:2]  # one period like the other
-EXCITATIONS = WAVEFORMS[3:5]  # tables of samples, see piezo_ros.control.excitation
+EXCITATIONS = WAVEFORMS[3:5]  # tables of samples, see piezo_ros.control.tables.excitation
 TURN_RAD = 2.0 * math.pi
 MOST_SAMPLES = 2**53  # an index is exact in a float64
 MOST_TABLE_SAMPLES = 10**8

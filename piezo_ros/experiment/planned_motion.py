@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from piezo_ros.control import ControllerParameters
 from piezo_ros.control.closed_loop import run_loop
-from piezo_ros.control.motion_table import MotionTable
+from piezo_ros.control.tables.motion_table import MotionTable
 from piezo_ros.model import DynamicsParameters, HysteresisParameters, LinearDynamics, RigParameters
 from piezo_ros.model.hysteresis_and_inverse import InverseHysteresis
 from piezo_ros.planning.constrained_step import AmplifierLimits

@@ -28,7 +28,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from piezo_ros.control.motion_table import MotionTable, write_motion_table
+from piezo_ros.control.tables.motion_table import MotionTable, write_motion_table
 from piezo_ros.control.waveform import WaveformParameters, abrupt_step, waveform_constants
 from piezo_ros.experiment.model_file import identified_facts
 from piezo_ros.model import (

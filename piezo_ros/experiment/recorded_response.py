@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from piezo_ros.bag import BagError, Run
 from piezo_ros.bag.recorded_node import recorded_node, recorded_parameters
 from piezo_ros.control import TrajectoryParameters
-from piezo_ros.control.excitation import Window
+from piezo_ros.control.tables.excitation import Window
 from piezo_ros.control.waveform import EXCITATIONS, excitation_of
 from piezo_ros.identification import Amplifier, FrequencyResponse, frequency_response
 from piezo_ros.identification.response.broadband_response import broadband_response

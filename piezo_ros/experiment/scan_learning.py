@@ -33,7 +33,7 @@ from typing import Any, Final
 import numpy as np
 
 from piezo_ros.bag import BagError, read
-from piezo_ros.control.motion_table import write_motion_table
+from piezo_ros.control.tables.motion_table import write_motion_table
 from piezo_ros.experiment.plan.run_entry import plan_run
 from piezo_ros.experiment.planned_scan import (
     ScanRequest,

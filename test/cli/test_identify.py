@@ -111,10 +111,11 @@ def test_five_commands_make_another_stage_follow_its_scan(stage):
 def test_the_models_of_the_other_stage_are_its_own(stage):
     truth = read_plan(EXAMPLE / 'identify.yaml').runs[0].plant
     found = parameters(stage / 'trajectory.yaml', 'trajectory')
-    # (6) does not say which pair is the mechanics; the slower one comes first.
-    assert found['natural_frequency_1_rad_per_s'] == pytest.approx(
+    # Where the record tells which pair stands before the hysteresis, that one comes first.
+    mechanics = min((1, 2), key=lambda pair: found[f'natural_frequency_{pair}_rad_per_s'])
+    assert found[f'natural_frequency_{mechanics}_rad_per_s'] == pytest.approx(
         truth.natural_frequency_2_rad_per_s, rel=0.01)
-    assert found['damping_ratio_1'] == pytest.approx(truth.damping_ratio_2, rel=0.05)
+    assert found[f'damping_ratio_{mechanics}'] == pytest.approx(truth.damping_ratio_2, rel=0.05)
     gains = parameters(stage / 'controller.yaml', 'controller')
     assert gains['integral_gain_per_s'] < 500.0
     # Amplitudes of its own travel, not of the paper's.
@@ -162,7 +163,7 @@ def test_a_rational_model_of_other_orders_serves_to_tune(stage, identify, tmp_pa
     facts = parameters(tmp_path / 'model.yaml', 'identified_dynamics')
     assert facts['points_file'] == 'model.csv'
     assert facts['numerator_order'] == 2
-    assert facts['samples_used'] > 50000
+    assert facts['samples_used'] > 30000
     gains = tmp_path / 'gains.yaml'
     assert main(['tune', str(tmp_path / 'model.yaml'), '--sample-period-s', '1e-4', '--bound',
                  'none', '-o', str(gains)]) == 0
@@ -280,10 +281,10 @@ def test_dynamics_of_the_bare_actuator_need_a_hysteresis(stage, identify):
 
 
 def test_a_triangle_is_no_excitation_of_the_dynamics(stage, triangle, identify):
-    code, _, err = identify(
+    code, out, _ = identify(
         'dynamics', triangle, '--compensator', stage / 'compensator.yaml')
-    assert code == 1
-    assert "waveform is 'decreasing_triangle', allowed are stepped_sine, multisine" in err
+    assert code == 4
+    assert 'verdict: do not trust' in out
 
 
 def test_a_bag_that_is_none_fails_in_words(identify, tmp_path):

@@ -22,7 +22,7 @@ import pytest
 import yaml
 
 from piezo_ros.cli.main import main
-from piezo_ros.control.motion_table import read_motion_table
+from piezo_ros.control.tables.motion_table import read_motion_table
 from piezo_ros.experiment.planned_scan import read_planned_scan
 from piezo_ros.model import DynamicsParameters, HysteresisParameters, RigParameters
 from piezo_ros.parameters.errors import PlanError

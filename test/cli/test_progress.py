@@ -17,7 +17,7 @@ import sys
 
 import pytest
 
-from piezo_ros.cli.progress import Progress
+from piezo_ros.cli.shared.progress import Progress
 
 
 class Terminal(io.StringIO):

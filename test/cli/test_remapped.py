@@ -130,7 +130,9 @@ def test_a_replay_gives_the_recorded_bits(bags, command):
     files = [word for role in ('plant', 'controller', 'compensator') for word in (
         f'--{role}', given)]
     found = command('replay', bags / 'foreign', *files)
-    assert found.splitlines()[1:] == expected.splitlines()[1:]
+    # But for where the models come from.
+    assert [line for line in found.splitlines()[1:] if not line.startswith('rig: ')] == [
+        line for line in expected.splitlines()[1:] if not line.startswith('rig: ')]
 
 
 def test_the_same_dynamics_are_identified(command, tmp_path):
@@ -152,8 +154,18 @@ def test_the_same_dynamics_are_identified(command, tmp_path):
         if name == 'foreign':
             # A bag that says nothing of the amplifier: what the plain one says.
             told += ('--slew-limit-v-per-s', planned.plant.slew_limit_v_per_s)
+            # Nor of the hysteresis, by which the place of the poles is decided.
+            (tmp_path / 'compensator.yaml').write_text(yaml.safe_dump({'/**/compensator': {
+                'ros__parameters': {
+                    name: planned.parameters['compensator'][name]
+                    for name in ('kappa_um_per_v', 'saturation_v')}}}))
+            told += ('--compensator', tmp_path / 'compensator.yaml')
         command(
             'identify', 'dynamics', tmp_path / name, '-o', tmp_path / f'{name}.yaml', *told)
         content = yaml.safe_load((tmp_path / f'{name}.yaml').read_text())
         models.append(content['/**/trajectory']['ros__parameters'])
-    assert models[0] == models[1] == models[2]
+    assert models[0] == models[1]
+    # Its command is what the hysteresis makes of the voltage, but for rounding.
+    assert models[2].keys() == models[0].keys()
+    for name, value in models[0].items():
+        assert models[2][name] == (value if isinstance(value, str) else pytest.approx(value)), name

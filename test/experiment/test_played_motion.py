@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 from piezo_ros.control import ControllerParameters, TrajectoryParameters, simulate
-from piezo_ros.control.motion_table import MotionTable, MotionTableError, write_motion_table
+from piezo_ros.control.tables.motion_table import MotionTable, MotionTableError, write_motion_table
 from piezo_ros.control.trajectory_blocks import trajectory_blocks
 from piezo_ros.experiment.plan import read_plan
 from piezo_ros.model import HysteresisParameters, ParameterError, RigParameters

@@ -24,8 +24,8 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple, Protocol, TypeVar
 
 from piezo_ros.bag import BagError, Recording, Run, open_recording
-from piezo_ros.cli.bag_options import add_bag_options, bag_options
-from piezo_ros.cli.exit_codes import (
+from piezo_ros.cli.shared.bag_options import add_bag_options, bag_options
+from piezo_ros.cli.shared.exit_codes import (
     EXIT_DONE,
     EXIT_FAILED,
     EXIT_LOSS,

@@ -22,7 +22,7 @@ import yaml
 
 from piezo_ros.bag import BagError, Run, open_recording
 from piezo_ros.bag.recorded_node import recorded_node, recorded_parameters
-from piezo_ros.cli.bag_options import bag_options
+from piezo_ros.cli.shared.bag_options import bag_options
 from piezo_ros.identification.place.hysteresis_place import HysteresisPlace
 from piezo_ros.identification.place.placed_file import (
     placed_parameter_yaml,

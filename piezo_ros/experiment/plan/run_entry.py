@@ -19,7 +19,7 @@ from dataclasses import replace
 from typing import Any, Final
 
 from piezo_ros.control.changes import changes_text, segments
-from piezo_ros.control.motion_table import MotionTableError
+from piezo_ros.control.tables.motion_table import MotionTableError
 from piezo_ros.control.waveform import EXCITATIONS, FILE, motion_of
 from piezo_ros.experiment.plan.automatic import (
     Known,

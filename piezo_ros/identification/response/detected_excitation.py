@@ -37,7 +37,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.fft import irfft, next_fast_len, rfft
 from scipy.signal import hilbert
 
-from piezo_ros.control.excitation import Window
+from piezo_ros.control.tables.excitation import Window
 
 __all__ = ['EXCITATION_KINDS', 'DetectedExcitation', 'detect_excitation']
 

@@ -29,7 +29,7 @@ that it lies in at most, as the fit needs neither every sample nor every period.
 
 Examples
 --------
->>> from piezo_ros.control.excitation import Window
+>>> from piezo_ros.control.tables.excitation import Window
 >>> k = np.arange(2000)
 >>> command_um = np.cos(2.0 * np.pi * 0.01 * k)
 >>> displacement_um = 0.5 * np.cos(2.0 * np.pi * 0.01 * (k - 5))  # 18 degrees late
@@ -51,7 +51,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from piezo_ros.control.excitation import Excitation, Window
+from piezo_ros.control.tables.excitation import Excitation, Window
 from piezo_ros.identification.response.amplifier_limits import (
     Amplifier,
     limit_reached,

@@ -21,8 +21,8 @@ import yaml
 
 from piezo_ros import paper
 from piezo_ros.control import TrajectoryParameters
-from piezo_ros.control.excitation import multisine, odd_lines
-from piezo_ros.control.excitation import stepped_sine as build_stepped_sine
+from piezo_ros.control.tables.excitation import multisine, odd_lines
+from piezo_ros.control.tables.excitation import stepped_sine as build_stepped_sine
 from piezo_ros.identification.dynamics.dynamics_fit import fit_dynamics
 from piezo_ros.identification.dynamics.rational_model import (
     Sections,

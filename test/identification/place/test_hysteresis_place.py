@@ -21,7 +21,7 @@ import pytest
 import yaml
 from scipy.signal import cont2discrete, lfilter
 
-from piezo_ros.control.excitation import stepped_sine
+from piezo_ros.control.tables.excitation import stepped_sine
 from piezo_ros.identification.place.hysteresis_place import (
     Candidate,
     HysteresisPlace,

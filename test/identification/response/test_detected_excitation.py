@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 from scipy.signal import chirp, cont2discrete, lfilter
 
-from piezo_ros.control.excitation import multisine, odd_lines, stepped_sine
+from piezo_ros.control.tables.excitation import multisine, odd_lines, stepped_sine
 from piezo_ros.identification.response.amplifier_limits import Amplifier
 from piezo_ros.identification.response.broadband_response import broadband_response
 from piezo_ros.identification.response.detected_excitation import detect_excitation

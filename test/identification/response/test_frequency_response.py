@@ -15,7 +15,7 @@
 import numpy as np
 import pytest
 
-from piezo_ros.control.excitation import Window, multisine, odd_lines, stepped_sine
+from piezo_ros.control.tables.excitation import Window, multisine, odd_lines, stepped_sine
 from piezo_ros.identification.response.frequency_response import (
     Amplifier,
     frequency_response,

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from piezo_ros import paper
-from piezo_ros.control.excitation import stepped_sine
+from piezo_ros.control.tables.excitation import stepped_sine
 from piezo_ros.identification.response.frequency_response import (
     Amplifier,
     FrequencyResponse,

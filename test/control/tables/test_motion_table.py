@@ -19,7 +19,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from piezo_ros.control.motion_table import (
+from piezo_ros.control.tables.motion_table import (
     MotionTable,
     MotionTableError,
     read_motion_table,

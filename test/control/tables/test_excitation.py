@@ -17,7 +17,7 @@ import math
 import numpy as np
 import pytest
 
-from piezo_ros.control.excitation import multisine, odd_lines, stepped_sine
+from piezo_ros.control.tables.excitation import multisine, odd_lines, stepped_sine
 from piezo_ros.identification.response.offline_excitation import run_excitation_offline
 from piezo_ros.model import MaxwellResistiveCapacitor, Rig, RigParameters
 
