@@ -82,6 +82,9 @@ def test_the_defaults_of_a_scan_are_what_the_parameter_files_say():
         **read_parameter_file(CONFIG / 'controller.yaml', ['controller'])['controller']}
     shared = defaults.keys() & in_files.keys()
     assert {'scheme', 'amplitude_um', 'frequency_hz', 'harmonics', 'periods'} <= shared
+    # -1 stands for the usual number, that of the paper.
+    assert (defaults['harmonics'], in_files['harmonics']) == ('-1', 9)
+    shared -= {'harmonics'}
     assert {name: defaults[name] for name in shared} == {
         name: str(in_files[name]) for name in shared}
 
