@@ -62,8 +62,8 @@ def test_the_kernels_are_measured_written_and_compared(tmp_path, capsys):
     assert 'of other measurements' in told.err
     assert 'round 1' not in told.out + told.err
 
-    # Ten times slower than an earlier benchmark counts as worse, ten times quicker does not.
-    for factor, code in ((0.1, 1), (10.0, 0)):
+    # So much slower or quicker than an earlier benchmark as no busy machine makes it.
+    for factor, code in ((1e-6, 1), (1e6, 0)):
         earlier = json.loads(path.read_text())
         for ratio in earlier['ratios'].values():
             ratio['median'] *= factor
