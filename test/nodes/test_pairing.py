@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 from fake_node import activate, configure, fake_node, poll_all
 from fake_transport import PERIOD_S, FakeTransport, take_all
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from piezo_ros.control.changes import Change, changes_text
@@ -121,6 +121,7 @@ def test_feedback_that_is_not_needed_is_not_waited_for():
 
 
 @settings(max_examples=25)
+@example((700, 700, 703), ([1, 1, 1], [1], [1]), ['reference'] * 3)
 @given(st.tuples(*[st.integers(700, 715)] * 3), st.tuples(CUTS, CUTS, CUTS),
        st.lists(st.sampled_from(INPUTS), max_size=30))
 def test_a_run_that_is_joined_begins_at_the_first_sample_that_all_inputs_have(

@@ -37,13 +37,15 @@ def join_streams(readers: Sequence[StreamReader]) -> int | None:
         Index of that sample, None as long as it has not come.
 
     """
-    for reader in readers:
-        if not reader.queue and not reader.fill():
-            return None
-    first = max(reader.queue_index for reader in readers)
-    for reader in readers:
-        reader.drop_before(first)
-    return first if all(reader.queue for reader in readers) else None
+    while True:
+        for reader in readers:
+            if not reader.queue and not reader.fill():
+                return None
+        first = max(reader.queue_index for reader in readers)
+        for reader in readers:
+            reader.drop_before(first)
+        if all(reader.queue for reader in readers):
+            return first
 
 
 def begin_feedforward(feedforward: StreamReader, index: int) -> bool:
