@@ -41,6 +41,7 @@ from piezo_ros.experiment.planned_scan import (
     stage_of,
     write_planned_scan,
 )
+from piezo_ros.model import RigParameters
 from piezo_ros.parameters.errors import CampaignError
 from piezo_ros.parameters.run import PlannedRun, RunResult
 from piezo_ros.planning.learning import Learner, Measured, period_average
@@ -174,6 +175,11 @@ class ScanLearning:
             node: {**values, 'sample_period_s': request.sample_period_s}
             for node, values in self._base.items()}
         nodes['compensator'] |= request.hysteresis.to_mapping()
+        # Unless they are told, the limits of the command are those of the stage.
+        reach_um = RigParameters.among(nodes['plant']).reach_um
+        nodes['controller'] = {
+            'command_minimum_um': -reach_um, 'command_maximum_um': reach_um,
+            **nodes['controller']}
         nodes['trajectory'] |= {
             'waveform': 'file', 'file': str(motion.resolve()), 'harmonics': 0,
             'amplitude_um': request.amplitude_um, 'frequency_hz': request.frequency_hz,

@@ -136,6 +136,15 @@ def test_a_plan_refuses_what_the_stage_cannot_make(tmp_path, reference_um, probl
         read_plan(tmp_path / 'plan.yaml')
 
 
+def test_a_plan_refuses_commands_that_the_controller_would_cut_off(tmp_path):
+    ramp_um = np.linspace(0.0, 2.0, 1000)
+    write_motion_table(tmp_path / 'motion.npz', MotionTable(ramp_um, 1.1 * ramp_um, PERIOD_S))
+    (tmp_path / 'plan.yaml').write_text(
+        PLAN.format(file=tmp_path / 'motion.npz') + '    controller: {command_maximum_um: 2.1}\n')
+    with pytest.raises(PlanError, match=r'command_um is 2.2 um, the controller allows -8 … 2.1'):
+        read_plan(tmp_path / 'plan.yaml')
+
+
 def test_a_plan_names_a_file_that_is_not_there(tmp_path):
     (tmp_path / 'plan.yaml').write_text(PLAN.format(file='none.npz'))
     with pytest.raises(PlanError, match='none.npz: No such file'):

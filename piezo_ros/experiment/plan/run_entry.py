@@ -19,7 +19,7 @@ from dataclasses import replace
 from typing import Any, Final
 
 from piezo_ros.control.changes import changes_text, segments
-from piezo_ros.control.tables.motion_table import MotionTableError
+from piezo_ros.control.tables.motion_table import MotionTable, MotionTableError
 from piezo_ros.control.waveform import EXCITATIONS, FILE, motion_of
 from piezo_ros.experiment.plan.automatic import (
     Known,
@@ -178,12 +178,28 @@ def _check_motion(where: str, run: PlannedRun) -> None:
             raise MotionTableError(
                 f'{trajectory.file}: it reaches {motion.greatest_um:g} um, it must be above 0, and '
                 f'the stage travels {plant.reach_um:g} um to either side of its operating point')
+        _check_commands(run, motion)
         if plant.slew_limit_v_per_s:
             # Where every element slips, the stage moves farthest for a volt.
             motion.check_closed(
                 plant.slew_limit_v_per_s * trajectory.sample_period_s * plant.kappa_um_per_v[-1])
     except ParameterError as error:
         raise PlanError(f'{where}: {error}') from None
+
+
+def _check_commands(run: PlannedRun, motion: MotionTable) -> None:
+    """Refuse commands of a motion that the controller would cut off."""
+    law = run.controller
+    if motion.command_um is None or not law.uses_feedforward:
+        return
+    for value_um, bad in (
+            (float(motion.command_um.max()), motion.command_um.max() > law.command_maximum_um),
+            (float(motion.command_um.min()), motion.command_um.min() < law.command_minimum_um)):
+        if bad:
+            raise MotionTableError(
+                f'{run.trajectory.file}: command_um is {value_um:g} um, the controller allows '
+                f'{law.command_minimum_um:g} … {law.command_maximum_um:g} um '
+                '(command_minimum_um, command_maximum_um)')
 
 
 def _check_rails(where: str, plant: RigParameters, amplitude_v: float) -> None:

@@ -170,7 +170,8 @@ def section_lists(
         else:
             apart = damping + math.sqrt(damping * damping - 1.0)
             rates += [frequency / apart, frequency * apart]
-    fastest = min(_NOT_SEEN, _FASTEST_RAD_PER_S / reference)
+    # By a rounding below what the nodes take: it is multiplied by the reference again.
+    fastest = min(_NOT_SEEN, (1.0 - 1e-12) * _FASTEST_RAD_PER_S / reference)
     rates = [min(rate, fastest) for rate in rates]
     zero_rates, zero_pairs = _factors(sections.numerator, fastest)
     lists = {

@@ -53,6 +53,8 @@ _DETERMINED = 0.5  # standard error of a logarithm, up to which a pole counts as
 _FAR = 10.0  # over the highest measured frequency: such poles may be out of sight
 _SAME = 0.01  # relative difference of two models that are equally good where both are large
 _LEAST_ERROR = 1e-3  # no order is added for what the stage does in less than this of its response
+_UNEXPLAINED = 10.0  # reduced chi squared of the best model, above which the stage is not linear
+_STAGE_ERROR = 5e-3  # no order is then added for less than this of its response
 _EQUAL = 4.0  # difference of the deviance of unseen points that is no evidence
 _FOLDS = (2, 3, 5)
 
@@ -160,7 +162,7 @@ def choose_structure(
         (search.thinned(search.grow(fits_delay)) for fits_delay in (False, True)), key=_criterion)
     best = search.without_phantoms(best)
     best = search.smallest_of_equals(best)
-    best = search.finished(best)
+    best = search.finished(search.plausible(best))
     chosen = Candidate('rational', best)
     considered = [Candidate('rational', fit) for fit in search.fits.values()]
     of_six = search.of_six()
@@ -305,6 +307,22 @@ class _Search:
                 return fit
             fit = self.thinned(self.fit(smaller))
         return fit
+
+    def plausible(self, fit: RationalFit) -> RationalFit:
+        """
+        Return a fit that does not take errors of the stage for its dynamics.
+
+        Where no model explains the points within their noise, they contain what hysteresis leaves,
+        and each order more fits a little of that. A dc gain below zero is such a fit too, as long
+        as another model has none.
+        """
+        rivals = [other for other in self.fits.values() if other.sections.numerator[0] > 0.0]
+        if not rivals:
+            return fit
+        least = min(other.reduced_chi_squared for other in rivals)
+        if least > _UNEXPLAINED:
+            return min(rivals, key=lambda other: other.bayesian_criterion(_STAGE_ERROR))
+        return fit if fit.sections.numerator[0] > 0.0 else min(rivals, key=_criterion)
 
     def smallest_of_equals(self, fit: RationalFit) -> RationalFit:
         """Return a smaller fit of nearly the same criterion if it predicts unseen points better."""
