@@ -92,7 +92,9 @@ def test_what_is_missing_in_an_ordinary_run_is_named(way, what, detail):
 def test_a_run_that_should_have_ended_is_named(way, fault):
     with started(way, IMPATIENT) as session:
         broken_run(session.node, fault, FAULTS[fault])
-    assert 'has not ended within' in wrong(session.node.findings)[fault]
+    detail = wrong(session.node.findings)[fault]
+    # On a busy machine the run may end by its watchdog, and has answered all the same.
+    assert 'has not ended within' in detail or 'answered that came after the fault' in detail
     if way == 'WatchesNothing':
         # Nothing can tell of the voltage, as long as it goes on.
         assert f'{fault}: voltage at zero' in wrong(session.node.findings)
