@@ -41,7 +41,7 @@ from piezo_ros.identification.dynamics.rational_model import Sections, Shape, sa
 from piezo_ros.identification.response.frequency_response import FrequencyResponse
 
 __all__ = [
-    'LIU_SHAPE', 'Candidate', 'HeldOut', 'choose_structure', 'held_out', 'shape_of',
+    'STAGE_ERROR', 'LIU_SHAPE', 'Candidate', 'HeldOut', 'choose_structure', 'held_out', 'shape_of',
     'smallest_as_good', 'too_fast', 'undetermined']
 
 LIU_SHAPE = Shape(numerator_order=2, first_order=1, second_order=2)
@@ -54,7 +54,7 @@ _FAR = 10.0  # over the highest measured frequency: such poles may be out of sig
 _SAME = 0.01  # relative difference of two models that are equally good where both are large
 _LEAST_ERROR = 1e-3  # no order is added for what the stage does in less than this of its response
 _UNEXPLAINED = 10.0  # reduced chi squared of the best model, above which the stage is not linear
-_STAGE_ERROR = 5e-3  # no order is then added for less than this of its response
+STAGE_ERROR = 5e-3  # no order is then added for less than this of its response
 _EQUAL = 4.0  # difference of the deviance of unseen points that is no evidence
 _FOLDS = (2, 3, 5)
 
@@ -321,7 +321,7 @@ class _Search:
             return fit
         least = min(other.reduced_chi_squared for other in rivals)
         if least > _UNEXPLAINED:
-            return min(rivals, key=lambda other: other.bayesian_criterion(_STAGE_ERROR))
+            return min(rivals, key=lambda other: other.bayesian_criterion(STAGE_ERROR))
         return fit if fit.sections.numerator[0] > 0.0 else min(rivals, key=_criterion)
 
     def smallest_of_equals(self, fit: RationalFit) -> RationalFit:

@@ -41,6 +41,7 @@ from piezo_ros.identification.dynamics.rational_fit import (
 )
 from piezo_ros.identification.dynamics.rational_model import sampled_response
 from piezo_ros.identification.dynamics.structure_choice import (
+    STAGE_ERROR,
     held_out,
     smallest_as_good,
     too_fast,
@@ -256,8 +257,10 @@ def _lead_reasons(
         RationalProblem.of(
             shape, points, delay_samples, least_delay_samples=-_LEAD_SAMPLES), [fit.sections])
     error = float(free.covariance.standard_errors(np.eye(shape.size)[-1:])[0])
-    if (free.sections.delay + 3.0 * error >= 0.0
-            or free.bayesian_criterion() > fit.bayesian_criterion() - _STRONG):
+    gained = fit.bayesian_criterion() - free.bayesian_criterion()
+    # What hysteresis leaves in the points may look like a little lead.
+    if (fit.model_error < STAGE_ERROR or gained < _STRONG
+            or free.sections.delay + 3.0 * error >= 0.0):
         return []
     lead_s = -free.sections.delay / fit.problem.reference
     return [(
