@@ -21,7 +21,6 @@ its largest value. Run as ``python -m benchmarks.response_peers [CSV]``; without
 ``piezo identify dynamics`` the points of three stages are made here.
 """
 
-import csv
 import sys
 import time
 from collections.abc import Callable
@@ -33,6 +32,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from piezo_ros.identification import FrequencyResponse, fit_dynamics
+from piezo_ros.identification.response.response_csv import read_response
 
 __all__ = ['PEERS', 'Score', 'score', 'table']
 
@@ -171,21 +171,6 @@ def score(
         float(np.sqrt(np.mean(np.abs(error)**2)) / np.abs(truth).max()), seconds)
 
 
-def read_points(path: Path) -> FrequencyResponse:
-    """Return the points of a CSV file beside a model, at the sample period of this benchmark."""
-    with path.open(encoding='utf-8') as file:
-        rows = [row for row in csv.DictReader(file) if not row['left_out']]
-    phase = np.radians([float(row['phase_deg']) for row in rows])
-    gain, radius = (
-        np.array([float(next(value for name, value in row.items() if name.startswith(column)))
-                  for row in rows])
-        for column in ('magnitude', 'confidence_radius'))
-    one = np.ones(len(rows))
-    return FrequencyResponse(
-        np.array([float(row['frequency_hz']) for row in rows]), gain * np.exp(1j * phase),
-        radius**2 / -np.log(0.05), one, 0.0 * one, one, 0.0 * one, _PERIOD_S)
-
-
 def made_points(stage: Stage, number: int = 250) -> tuple[FrequencyResponse, Array]:
     """Return noisy points of a stage, and the true response."""
     frequency_hz = np.geomspace(20.0, 3000.0, number)
@@ -215,7 +200,7 @@ def table(sets: dict[str, tuple[FrequencyResponse, Array]]) -> str:
 def main(arguments: list[str]) -> int:
     """Print the table."""
     if arguments:
-        points = read_points(Path(arguments[0]))
+        points = read_response(Path(arguments[0]))
         # Of measured points the truth is not known: the error is that of the points.
         print(table(dict.fromkeys(STAGES, (points, points.response))))
     else:

@@ -35,6 +35,7 @@ from piezo_ros.control.feedforward import (
     feedforward_step,
     usual_harmonics,
 )
+from piezo_ros.control.tables.motion_table import place_step
 from piezo_ros.control.waveform import (
     EXCITATIONS,
     FILE,
@@ -102,7 +103,7 @@ class TrajectoryConstants(NamedTuple):
     feedforward: FeedforwardConstants
     table: Any  # (N,) of a stepped sine, a multisine or a file, else empty
     table_feedforward_um: Any  # (N,) of a file with commands, else empty
-    repeat_from: int  # first sample of the table that is repeated; -1 for none
+    first_repeated: int  # sample of the table, see `MotionTable`
     # So many samples, their soft start aside, are repeated for ever; 0 where there is no such
     # number, or it has many digits.
     repeat: int
@@ -121,22 +122,22 @@ def trajectory_constants(parameters: TrajectoryParameters) -> TrajectoryConstant
     """Return the constants of the step as lists."""
     table: list[float] = []
     commands: list[float] = []
-    repeat_from = -1
+    first_repeated = 0
     if parameters.waveform in EXCITATIONS:
         table = excitation_of(parameters).command.tolist()
+        first_repeated = len(table) - 1
     elif parameters.waveform == FILE:
         motion = motion_of(parameters)
         table = motion.reference_um.tolist()
         if motion.command_um is not None:
             commands = motion.command_um.tolist()
-        if motion.repeat_from is not None:
-            repeat_from = motion.repeat_from
+        first_repeated = motion.first_repeated
     return TrajectoryConstants(
         waveform_constants(parameters),
         _feedforward(parameters),
         table,
         commands,
-        repeat_from,
+        first_repeated,
         _repetition(parameters),
         [], [])
 
@@ -155,10 +156,7 @@ def _repetition(parameters: WaveformParameters) -> int:
 def trajectory_step(constants: TrajectoryConstants, index: int) -> tuple[float, float]:
     """Return reference and feedforward of one sample, micrometres."""
     if len(constants.table) > 0:
-        size = len(constants.table)
-        if index >= size:
-            first = constants.repeat_from
-            index = first + (index - first) % (size - first)
+        index = place_step(len(constants.table), constants.first_repeated, index)
         reference_um = constants.table[index]
         if len(constants.table_feedforward_um) > 0:
             return reference_um, constants.table_feedforward_um[index]

@@ -205,8 +205,7 @@ def read_evidence(
     name = str(facts.get('points_file', ''))
     if not name:
         return LoopEvidence.of(model, sample_period_s, [], [], [], sample_period_s, **known)
-    from piezo_ros.identification.response import response_csv
-    read_response = getattr(response_csv, 'read_response')  # noqa: B009
+    from piezo_ros.identification.response.response_csv import read_response
     file = path.parent / name
     try:
         points = read_response(file)

@@ -21,7 +21,7 @@ further section of the file, ``planned_scan``, which ROS ignores, has what the p
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
@@ -41,7 +41,14 @@ from piezo_ros.model import (
 from piezo_ros.parameters.errors import PlanError
 from piezo_ros.parameters.parameter_file import parameters_yaml
 from piezo_ros.planning.constrained_step import AmplifierLimits
-from piezo_ros.planning.periodic_plan import PeriodicPlan, plan_periodic, repeating_samples
+from piezo_ros.planning.periodic_plan import (
+    PeriodicPlan,
+    harmonic_basis,
+    known_plan,
+    orders_of_band,
+    plan_periodic,
+    repeating_samples,
+)
 from piezo_ros.planning.periodic_stage import PeriodicStage
 from piezo_ros.report.files import write_atomically
 
@@ -128,6 +135,11 @@ class ScanRequest:
             1.01 * self.frequency_hz)
 
     @property
+    def is_symmetric(self) -> bool:
+        """Whether odd harmonics of the voltage are enough."""
+        return not self.hysteresis.asymmetry_threshold_um
+
+    @property
     def reference_um(self) -> NDArray[np.float64]:
         """The reference over the samples after which it repeats, shape (P,)."""
         constants = waveform_constants(WaveformParameters(
@@ -168,7 +180,7 @@ def planned_scan(request: ScanRequest) -> PeriodicPlan:
         stage_of(request), request.reference_um, request.frequency_hz, request.sample_period_s,
         band_hz=request.band, limits=request.limits, weight=request.weight,
         uncertainty=request.uncertainty,
-        is_symmetric=not request.hysteresis.asymmetry_threshold_um)
+        is_symmetric=request.is_symmetric)
     if plan.line_nrmse_percent > _WORST_PERCENT:
         raise ValueError(
             f'amplitude_um is {request.amplitude_um:g} at {request.frequency_hz:g} Hz: within its '
@@ -208,17 +220,9 @@ def write_planned_scan(
         Comments at the top.
 
     """
-    motion_path = path.with_suffix(MOTION_SUFFIX).resolve()
-    write_motion_table(motion_path, motion_of(request, plan))
-    trajectory = {
-        'waveform': 'file', 'file': str(motion_path), 'amplitude_um': request.amplitude_um,
-        'frequency_hz': request.frequency_hz, 'sample_period_s': request.sample_period_s,
-        'harmonics': 0, **_given(request.dynamics)}
-    text = ''.join(f'# {line}\n' for note in notes for line in note.splitlines())
     facts = {name: value for name, value in _facts(request, plan).items() if value != []}
-    write_atomically(path, text + parameters_yaml(
-        '/**', {'trajectory': trajectory, FACTS: facts}))
-    return path, motion_path
+    return _write(path, motion_of(request, plan), request.dynamics, notes, {
+        'amplitude_um': request.amplitude_um, 'frequency_hz': request.frequency_hz}, facts)
 
 
 def write_motion(
@@ -242,15 +246,26 @@ def write_motion(
         Comments at the top.
 
     """
-    motion_path = path.with_suffix(MOTION_SUFFIX).resolve()
-    write_motion_table(motion_path, table)
     # As far as something is periodic here, it is the whole.
     length_s = table.reference_um.size * table.sample_period_s
+    return _write(path, table, dynamics, notes, {
+        'amplitude_um': amplitude_um, 'frequency_hz': 1.0 / length_s, 'periods': 1.0})
+
+
+def _write(
+    path: Path, table: MotionTable, dynamics: DynamicsParameters, notes: Sequence[str],
+    scan: Mapping[str, float], facts: Mapping[str, Any] | None = None,
+) -> tuple[Path, ...]:
+    """Write a motion and the parameter file that plays it."""
+    motion_path = path.with_suffix(MOTION_SUFFIX).resolve()
+    write_motion_table(motion_path, table)
+    sections: dict[str, Mapping[str, Any]] = {'trajectory': {
+        'waveform': 'file', 'file': str(motion_path), 'sample_period_s': table.sample_period_s,
+        'harmonics': 0, **scan, **_given(dynamics)}}
+    if facts:
+        sections[FACTS] = facts
     text = ''.join(f'# {line}\n' for note in notes for line in note.splitlines())
-    write_atomically(path, text + parameters_yaml('/**', {'trajectory': {
-        'waveform': 'file', 'file': str(motion_path), 'amplitude_um': amplitude_um,
-        'frequency_hz': 1.0 / length_s, 'periods': 1.0,
-        'sample_period_s': table.sample_period_s, 'harmonics': 0, **_given(dynamics)}}))
+    write_atomically(path, text + parameters_yaml('/**', sections))
     return path, motion_path
 
 
@@ -306,17 +321,28 @@ def read_planned_scan(path: Path) -> tuple[ScanRequest, PeriodicPlan]:
             f'{path}: format_version of {FACTS} is {version!r}, only {FORMAT_VERSION} is known')
     try:
         request = _request(facts, trajectory)
-        coefficients = np.array(facts['coefficients_v'], dtype=np.float64)
-        plan = planned_scan(request)
-        if coefficients.shape != plan.coefficients_v.shape:
-            raise ValueError(
-                f'coefficients_v has {coefficients.size} values, the band has '
-                f'{plan.coefficients_v.size}')
+        return request, _known(request, facts)
     except KeyError as error:
         raise PlanError(f'{path}: {FACTS} has no {error.args[0]}') from None
     except (TypeError, ValueError) as error:
         raise PlanError(f'{path}: {error}') from None
-    return request, replace(plan, coefficients_v=coefficients)
+
+
+def _known(request: ScanRequest, facts: Mapping[str, Any]) -> PeriodicPlan:
+    """Return the plan of which a file has the coefficients."""
+    orders = orders_of_band(
+        request.band, request.frequency_hz, request.sample_period_s,
+        is_symmetric=request.is_symmetric)
+    coefficients_v = np.array(facts['coefficients_v'], dtype=np.float64)
+    size = harmonic_basis(np.zeros(1), orders).shape[1]
+    if coefficients_v.shape != (size,):
+        raise ValueError(
+            f'coefficients_v has {coefficients_v.size} values, the band has {size}')
+    return known_plan(
+        stage_of(request), request.reference_um, request.frequency_hz, request.sample_period_s,
+        orders=orders, coefficients_v=coefficients_v,
+        truncation_percent=float(facts['truncation_percent']), limits=request.limits,
+        weight=request.weight, uncertainty=request.uncertainty)
 
 
 def _request(facts: Mapping[str, Any], trajectory: Mapping[str, Any]) -> ScanRequest:

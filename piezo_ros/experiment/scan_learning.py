@@ -26,7 +26,7 @@ so that an interrupted learning keeps its best and can be resumed.
 import json
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Final
 
@@ -198,13 +198,11 @@ class ScanLearning:
                 self._repetitions)
         except ValueError as error:
             raise CampaignError(f'{run.path}: {error}') from None
-        expected_um = plan.reference_um - self.learner.stage.answer(plan.period_voltage_v)
         before_um = self.learner.best_rms_um
         self.learner.tell(measured)
         learned = LearnedRun(
             name, *self._percent(measured),
-            predicted_percent=100.0 * float(np.sqrt(np.mean(plan.weight * expected_um**2)))
-            / float(np.ptp(plan.reference_um)),
+            predicted_percent=plan.weighted_nrmse_percent,
             is_best=self.learner.best_rms_um == measured.rms_um < before_um)
         self.runs.append(learned)
         return learned
@@ -214,11 +212,9 @@ class ScanLearning:
         return 100.0 * measured.rms_um / span_um, 100.0 * measured.sigma_um / span_um
 
     def _keep(self) -> None:
-        best = replace(
-            self.learner.best,
-            displacement_um=self.learner.stage.answer(self.learner.best.period_voltage_v))
         write_planned_scan(
-            self.directory / _BEST, self.request, best, [f'learned from {len(self.runs)} runs'])
+            self.directory / _BEST, self.request, self.learner.best,
+            [f'learned from {len(self.runs)} runs'])
         write_atomically(self.directory / RECORD, json.dumps({
             'format_version': _FORMAT_VERSION, 'is_done': self.is_done,
             'certificate_gamma': self.learner.plan.certificate.gamma,

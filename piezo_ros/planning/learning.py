@@ -26,14 +26,18 @@ misleads. mu is halved where the error rises, and after two runs that do not pay
 """
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Final, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from piezo_ros.planning.constrained_step import constrained_step
-from piezo_ros.planning.periodic_plan import PeriodicPlan, harmonic_basis, regularisation_of
+from piezo_ros.planning.periodic_plan import (
+    PeriodicPlan,
+    regularisation_of,
+    weighted_rms_um,
+)
 from piezo_ros.planning.periodic_stage import PeriodicStage
 
 __all__ = ['Learner', 'Measured', 'period_average']
@@ -100,7 +104,7 @@ def period_average(
         place = int(np.argmin(np.isfinite(displacement_um)))
         raise ValueError(f'displacement_um is {displacement_um[place]} at sample {place}')
     error_um = reference_um - stacked.mean(axis=0)
-    rms_um = _rms(error_um, weight)
+    rms_um = weighted_rms_um(error_um, weight)
     if repetitions == 1:
         return Measured(error_um, rms_um, 0.0)
     # The noise of an average sample; its share of the squared error scatters by sqrt(2/P), and
@@ -110,10 +114,6 @@ def period_average(
     spread_um2 = math.hypot(
         noise_um**2 * math.sqrt(2.0 / samples), 2.0 * rms_um * noise_um / math.sqrt(samples))
     return Measured(error_um, rms_um, spread_um2 / (2.0 * max(rms_um, 1e-300)))
-
-
-def _rms(error_um: NDArray[np.float64], weight: NDArray[np.float64]) -> float:
-    return math.sqrt(float(np.mean(weight * error_um**2)))
 
 
 class _Tried(NamedTuple):
@@ -158,8 +158,9 @@ class Learner:
     @property
     def best(self) -> PeriodicPlan:
         """The plan with the best coefficients so far."""
-        return self.plan if self._best is None else replace(
-            self.plan, coefficients_v=self._best.coefficients_v)
+        if self._best is None:
+            return self.plan
+        return self.plan.with_coefficients(self._best.coefficients_v, self.stage)
 
     @property
     def best_rms_um(self) -> float:
@@ -182,13 +183,11 @@ class Learner:
             self._proposed_v = self._best.coefficients_v
         else:
             self._proposed_v = self._best.coefficients_v + self.step * self._model_step(self._best)
-        return replace(self.plan, coefficients_v=self._proposed_v)
+        return self.plan.with_coefficients(self._proposed_v, self.stage)
 
     def _model_step(self, tried: _Tried) -> NDArray[np.float64]:
         plan = self.plan
-        basis = harmonic_basis(
-            np.arange(plan.reference_um.size, dtype=np.float64) * (
-                plan.frequency_hz * plan.sample_period_s), plan.orders)
+        basis = plan.basis(plan.reference_um.size)
         slope = self.stage.linearise(basis @ tried.coefficients_v, basis).slope
         return constrained_step(
             slope, tried.measured.error_um, plan.weight, regularisation_of(slope), basis,

@@ -26,7 +26,7 @@ limits). The command that is played is v = H(u): its inverse in the compensator 
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -37,7 +37,10 @@ from piezo_ros.planning.certificate import Certificate, certificate
 from piezo_ros.planning.constrained_step import AmplifierLimits, constrained_step
 from piezo_ros.planning.periodic_stage import LinearisedAnswer, PeriodicStage
 
-__all__ = ['PeriodicPlan', 'harmonic_basis', 'plan_periodic', 'repeating_samples']
+__all__ = [
+    'PeriodicPlan', 'harmonic_basis', 'known_plan', 'orders_of_band', 'plan_periodic',
+    'regularisation_of', 'repeating_samples', 'weighted_rms_um',
+]
 
 _ITERATIONS: Final = 12
 _SETTLED: Final = 1e-4  # relative change of the error at which the plan is done
@@ -114,8 +117,9 @@ class PeriodicPlan:
         Weight of each sample's squared error.
     limits : AmplifierLimits
         What the voltage keeps.
-    unlimited_error_um : ndarray, shape (P,)
-        Error that the band alone leaves, without limits: the truncation.
+    truncation_percent : float
+        Error that the band alone would leave, without limits, percent of the peak-to-peak
+        reference.
     certificate : Certificate
         Whether learning on the stage is certain to lessen the error.
 
@@ -129,7 +133,7 @@ class PeriodicPlan:
     displacement_um: NDArray[np.float64]
     weight: NDArray[np.float64]
     limits: AmplifierLimits
-    unlimited_error_um: NDArray[np.float64]
+    truncation_percent: float
     certificate: Certificate
 
     @property
@@ -144,9 +148,10 @@ class PeriodicPlan:
         return self._percent((self.reference_um - self.displacement_um)[counts])
 
     @property
-    def truncation_percent(self) -> float:
-        """Error that the band alone would leave, percent of the peak-to-peak reference."""
-        return self._percent(self.unlimited_error_um)
+    def weighted_nrmse_percent(self) -> float:
+        """Weighted error of the prediction, percent of the peak-to-peak reference."""
+        error_um = self.reference_um - self.displacement_um
+        return 100.0 * weighted_rms_um(error_um, self.weight) / float(np.ptp(self.reference_um))
 
     @property
     def limit_use(self) -> float:
@@ -158,11 +163,22 @@ class PeriodicPlan:
         """The voltage over the samples after which all repeats, shape (P,)."""
         return self.voltage_v(self.reference_um.size)
 
+    def basis(self, samples: int) -> NDArray[np.float64]:
+        """Return the voltage by coefficient of the first samples of a run, shape (samples, M)."""
+        return harmonic_basis(
+            _turns(samples, self.frequency_hz, self.sample_period_s), self.orders)
+
     def voltage_v(self, samples: int) -> NDArray[np.float64]:
         """Return the voltage of the first samples of a run, deviations, shape (samples,)."""
-        turns = np.arange(samples, dtype=np.float64) * (
-            self.frequency_hz * self.sample_period_s)
-        return harmonic_basis(turns, self.orders) @ self.coefficients_v
+        return self.basis(samples) @ self.coefficients_v
+
+    def with_coefficients(
+        self, coefficients_v: NDArray[np.float64], stage: PeriodicStage,
+    ) -> 'PeriodicPlan':
+        """Return the plan with other coefficients, and the displacement that they bring about."""
+        return replace(
+            self, coefficients_v=coefficients_v,
+            displacement_um=stage.answer(self.basis(stage.samples) @ coefficients_v))
 
     def soft_start(self, samples: int, periods: float) -> NDArray[np.float64]:
         """
@@ -208,8 +224,51 @@ class PeriodicPlan:
             self.soft_start(samples, ramp_periods) * self.voltage_v(samples))[0]
 
     def _percent(self, error_um: NDArray[np.float64]) -> float:
-        return 100.0 * float(
-            np.sqrt(np.mean(error_um**2)) / np.ptp(self.reference_um))
+        return _percent_of(error_um, self.reference_um)
+
+
+def weighted_rms_um(error_um: NDArray[np.float64], weight: NDArray[np.float64]) -> float:
+    """Return the root of the weighted mean square, of arrays of shape (P,)."""
+    return math.sqrt(float(np.mean(weight * error_um**2)))
+
+
+def _percent_of(error_um: NDArray[np.float64], reference_um: NDArray[np.float64]) -> float:
+    return 100.0 * float(np.sqrt(np.mean(error_um**2)) / np.ptp(reference_um))
+
+
+def _turns(
+    samples: int, frequency_hz: float, sample_period_s: float,
+) -> NDArray[np.float64]:
+    return np.arange(samples, dtype=np.float64) * (frequency_hz * sample_period_s)
+
+
+def orders_of_band(
+    band_hz: float, frequency_hz: float, sample_period_s: float, *, is_symmetric: bool,
+) -> NDArray[np.int64]:
+    """
+    Return the orders of the harmonics of a band, shape (K,).
+
+    Parameters
+    ----------
+    band_hz, frequency_hz : float
+        Highest frequency of the voltage and frequency of the scan.
+    sample_period_s : float
+        Sample period, seconds.
+    is_symmetric : bool
+        Whether odd harmonics are enough; else all are taken, and a mean.
+
+    Raises
+    ------
+    ValueError
+        If the band has no harmonic.
+
+    """
+    highest = math.floor(min(band_hz, 0.5 / sample_period_s * (1.0 - 1e-9)) / frequency_hz)
+    if not highest:
+        raise ValueError(
+            f'band_hz is {band_hz:g}: it must be at least frequency_hz, {frequency_hz:g} Hz, and '
+            'both below the Nyquist frequency')
+    return np.arange(1, highest + 1, 2) if is_symmetric else np.arange(highest + 1)
 
 
 def plan_periodic(
@@ -258,33 +317,49 @@ def plan_periodic(
         raise ValueError(
             f'reference_um has the shape {reference_um.shape}, the stage has {stage.samples} '
             'samples')
-    top = min(band_hz, 0.5 / sample_period_s * (1.0 - 1e-9))
-    highest = math.floor(top / frequency_hz)
-    orders = np.arange(1, highest + 1, 2) if is_symmetric else np.arange(highest + 1)
-    if not highest:
-        raise ValueError(
-            f'band_hz is {band_hz:g}: it must be at least frequency_hz, {frequency_hz:g} Hz, and '
-            'both below the Nyquist frequency')
+    orders = orders_of_band(band_hz, frequency_hz, sample_period_s, is_symmetric=is_symmetric)
     weights = np.ones(stage.samples) if weight is None else np.asarray(weight, dtype=np.float64)
-    basis = harmonic_basis(
-        np.arange(stage.samples, dtype=np.float64) * (frequency_hz * sample_period_s), orders)
+    basis = harmonic_basis(_turns(stage.samples, frequency_hz, sample_period_s), orders)
     start = _start(stage, reference_um, basis, orders)
-    free, _ = _descend(
+    coefficients, answer = _descend(
         stage, reference_um, weights, basis, start, AmplifierLimits(), sample_period_s)
+    truncation_percent = _percent_of(reference_um - answer.displacement_um, reference_um)
     kept = limits or AmplifierLimits()
-    unlimited_um = reference_um - stage.answer(basis @ free)
-    if kept.worst(basis @ free, sample_period_s) > 1.0:
-        coefficients, answer = _descend(
+    if kept.worst(basis @ coefficients, sample_period_s) > 1.0:
+        coefficients, _ = _descend(
             stage, reference_um, weights, basis, start, kept, sample_period_s)
-    else:
-        coefficients, answer = free, stage.linearise(basis @ free, basis)
+    return known_plan(
+        stage, reference_um, frequency_hz, sample_period_s, orders=orders,
+        coefficients_v=coefficients, truncation_percent=truncation_percent, limits=kept,
+        weight=weights, uncertainty=uncertainty)
+
+
+def known_plan(
+    stage: PeriodicStage, reference_um: NDArray[np.float64], frequency_hz: float,
+    sample_period_s: float, *, orders: NDArray[np.int64], coefficients_v: NDArray[np.float64],
+    truncation_percent: float, limits: AmplifierLimits, weight: NDArray[np.float64],
+    uncertainty: float,
+) -> PeriodicPlan:
+    """
+    Return a plan of known coefficients, with its prediction and its certificate.
+
+    Parameters
+    ----------
+    stage, reference_um, frequency_hz, sample_period_s, uncertainty
+        As for `plan_periodic`.
+    orders, coefficients_v, truncation_percent, limits, weight
+        As in `PeriodicPlan`.
+
+    """
+    basis = harmonic_basis(_turns(stage.samples, frequency_hz, sample_period_s), orders)
+    answer = stage.linearise(basis @ coefficients_v, basis)
     return PeriodicPlan(
         frequency_hz=frequency_hz, sample_period_s=sample_period_s, orders=orders,
-        coefficients_v=coefficients, reference_um=reference_um,
-        displacement_um=answer.displacement_um, weight=weights, limits=kept,
-        unlimited_error_um=unlimited_um,
+        coefficients_v=coefficients_v, reference_um=reference_um,
+        displacement_um=answer.displacement_um, weight=weight, limits=limits,
+        truncation_percent=truncation_percent,
         certificate=certificate(
-            answer.slope, weights, regularisation_of(answer.slope), uncertainty))
+            answer.slope, weight, regularisation_of(answer.slope), uncertainty))
 
 
 def regularisation_of(slope: NDArray[np.float64]) -> float:

@@ -52,6 +52,7 @@ from piezo_ros.model.state_space import (
     StateSpace,
     discretise_first_order_hold,
     discretise_zero_order_hold,
+    frequency_response,
     gain,
 )
 
@@ -104,9 +105,10 @@ class PeriodicStage:
         z = np.exp(1j * angle)
         # The reading k + 1 is at the end of the time for which the voltage k is held.
         late = np.exp(-1j * angle * (delay_s / sample_period_s + bool(before.a.size)))
-        self._before = _response(discretise_zero_order_hold(before, sample_period_s), z) * (
-            z if before.a.size else 1.0)
-        self._behind = _response(
+        self._before = frequency_response(
+            discretise_zero_order_hold(before, sample_period_s), z) * (
+                z if before.a.size else 1.0)
+        self._behind = frequency_response(
             discretise_first_order_hold(behind, sample_period_s), z) * late
         self._operator = MaxwellResistiveCapacitor.of(hysteresis)
         # The plays move with what is before the map of asymmetry.
@@ -191,12 +193,3 @@ def _slipping(free_um: _Floats, width_um: _Floats) -> NDArray[np.bool_]:
         play = moved
     return slips
 
-
-def _response(system: StateSpace, z: NDArray[np.complex128]) -> NDArray[np.complex128]:
-    order = system.a.shape[0]
-    if not order:
-        return np.full(z.shape, system.d[0, 0], dtype=np.complex128)
-    states = np.linalg.solve(
-        z[:, None, None] * np.eye(order) - system.a,
-        np.broadcast_to(system.b, (z.size, order, 1)))
-    return np.asarray((system.c @ states)[:, 0, 0] + system.d[0, 0])

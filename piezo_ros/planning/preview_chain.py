@@ -25,7 +25,7 @@ impulse response h comes close,
     subject to h(0) g(0) = 1,   R = 1/(1 + (w/w_b)^3)
 
 g being the response of the stage and R the shape of the spectrum of a trajectory. v is the command
-whose inverse in the compensator gives u back.
+that the compensator turns into u again.
 """
 
 from typing import Final, NamedTuple
@@ -95,7 +95,7 @@ def inverse_taps(
 
     Examples
     --------
-    A system whose zero is outside the unit circle:
+    A system with a zero outside the unit circle:
 
     >>> inverse_taps(np.array([1.0, -1.25]), preview=40, taps=60).residual < 1e-2
     True

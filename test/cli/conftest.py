@@ -12,7 +12,12 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
+from pathlib import Path
+
 import pytest
+
+from piezo_ros.model import DynamicsParameters, HysteresisParameters, RigParameters
+from piezo_ros.parameters.parameter_file import parameters_yaml, read_parameter_set
 
 PLAN = """\
 format_version: 1
@@ -26,3 +31,29 @@ def plan(tmp_path):
     path = tmp_path / 'plan.yaml'
     path.write_text(PLAN)
     return path
+
+
+@pytest.fixture
+def rig_file():
+    return Path(__file__).parents[2] / 'config' / 'rig.yaml'
+
+
+@pytest.fixture
+def calibrated(rig_file):
+    """Return the calibrated rig."""
+    return read_parameter_set(rig_file, 'plant', RigParameters)
+
+
+@pytest.fixture
+def models(calibrated, tmp_path, monkeypatch):
+    """Write the models of the calibrated rig, as if they had been identified, to work there."""
+    monkeypatch.chdir(tmp_path)
+    true = calibrated.true_dynamics
+    (tmp_path / 'trajectory.yaml').write_text(parameters_yaml('/**', {'trajectory': {
+        name: getattr(true, name) for name in DynamicsParameters.names()
+        if getattr(true, name) != ()}}))
+    (tmp_path / 'compensator.yaml').write_text(parameters_yaml('/**', {
+        'compensator': HysteresisParameters.among(calibrated.to_mapping()).to_mapping()}))
+    (tmp_path / 'rig.yaml').write_text(parameters_yaml('/**', {'plant': {
+        'slew_limit_v_per_s': calibrated.slew_limit_v_per_s}}))
+    return tmp_path

@@ -24,30 +24,24 @@ import pytest
 from piezo_ros.cli.main import main
 from piezo_ros.experiment.planned_scan import read_planned_scan
 from piezo_ros.experiment.scan_learning import ScanLearning
-from piezo_ros.model import DynamicsParameters, HysteresisParameters, RigParameters
-from piezo_ros.parameters.parameter_file import parameters_yaml, read_parameter_set
+from piezo_ros.model import HysteresisParameters
+from piezo_ros.parameters.parameter_file import parameters_yaml
 
 RIG_FILE = Path(__file__).parents[2] / 'config' / 'rig.yaml'
-RIG = read_parameter_set(RIG_FILE, 'plant', RigParameters)
 
 
 @pytest.fixture
-def scan(tmp_path, monkeypatch):
+def scan(models, calibrated):
     """Plan a scan by models that are somewhat wrong."""
-    monkeypatch.chdir(tmp_path)
-    true = RIG.true_dynamics
-    (tmp_path / 'trajectory.yaml').write_text(parameters_yaml('/**', {'trajectory': {
-        name: getattr(true, name) for name in DynamicsParameters.names()
-        if getattr(true, name) != ()}}))
     wrong = HysteresisParameters(
-        kappa_um_per_v=tuple(1.05 * np.array(RIG.kappa_um_per_v)),
-        saturation_v=RIG.saturation_v)
-    (tmp_path / 'compensator.yaml').write_text(parameters_yaml(
+        kappa_um_per_v=tuple(1.05 * np.array(calibrated.kappa_um_per_v)),
+        saturation_v=calibrated.saturation_v)
+    (models / 'compensator.yaml').write_text(parameters_yaml(
         '/**', {'compensator': wrong.to_mapping()}))
     assert main([
         'plan', 'trajectory.yaml', '--compensator', 'compensator.yaml', '--plant', str(RIG_FILE),
         '--amplitude-um', '1', '--frequency-hz', '500', '-o', 'scan.yaml']) == 0
-    return tmp_path / 'scan.yaml'
+    return models / 'scan.yaml'
 
 
 def learn(*further, directory='learned', offline=True):
@@ -85,11 +79,12 @@ def test_an_interrupted_learning_goes_on_where_it_was(scan, capsys):
         assert (Path('learned') / name).read_bytes() == (Path('whole') / name).read_bytes()
 
 
-def test_a_run_that_fails_leaves_what_was_learned(scan):
+def test_a_run_that_fails_leaves_what_was_learned(scan, calibrated):
     request, plan = read_planned_scan(scan)
     learning = ScanLearning(
         request, plan, Path('learned'), {
-            'plant': RIG.to_mapping(), 'trajectory': {}, 'compensator': {}, 'controller': {}})
+            'plant': calibrated.to_mapping(), 'trajectory': {}, 'compensator': {},
+            'controller': {}})
     from piezo_ros.experiment.offline import simulate_run
     learning.next_run(simulate_run)
 

@@ -15,7 +15,6 @@
 """``piezo plan``: from model files to a scan that a plan of runs plays as predicted."""
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -24,12 +23,8 @@ import yaml
 from piezo_ros.cli.main import main
 from piezo_ros.control.tables.motion_table import read_motion_table
 from piezo_ros.experiment.planned_scan import read_planned_scan
-from piezo_ros.model import DynamicsParameters, HysteresisParameters, RigParameters
 from piezo_ros.parameters.errors import PlanError
-from piezo_ros.parameters.parameter_file import parameters_yaml, read_parameter_set
 
-RIG_FILE = Path(__file__).parents[2] / 'config' / 'rig.yaml'
-RIG = read_parameter_set(RIG_FILE, 'plant', RigParameters)
 RUNS = """\
 format_version: 1
 parameter_files: [{rig}, scan.yaml]
@@ -45,21 +40,6 @@ runs:
 """
 
 
-@pytest.fixture
-def models(tmp_path, monkeypatch):
-    """Write the models of the true rig, as if they had been identified, and its data sheet."""
-    monkeypatch.chdir(tmp_path)
-    true = RIG.true_dynamics
-    (tmp_path / 'trajectory.yaml').write_text(parameters_yaml('/**', {'trajectory': {
-        name: getattr(true, name) for name in DynamicsParameters.names()
-        if getattr(true, name) != ()}}))
-    (tmp_path / 'compensator.yaml').write_text(parameters_yaml('/**', {
-        'compensator': HysteresisParameters.among(RIG.to_mapping()).to_mapping()}))
-    (tmp_path / 'rig.yaml').write_text(parameters_yaml('/**', {'plant': {
-        'slew_limit_v_per_s': RIG.slew_limit_v_per_s}}))
-    return tmp_path
-
-
 def plan(*further, amplitude_um='2.0', frequency_hz='600'):
     return main([
         'plan', 'trajectory.yaml', '--compensator', 'compensator.yaml', '--plant', 'rig.yaml',
@@ -67,13 +47,13 @@ def plan(*further, amplitude_um='2.0', frequency_hz='600'):
         *further])
 
 
-def test_a_planned_scan_runs_as_predicted(models, capsys):
+def test_a_planned_scan_runs_as_predicted(models, rig_file, capsys):
     assert plan() == 0
     printed = capsys.readouterr().out
     _, planned = read_planned_scan(models / 'scan.yaml')
     assert f'predicted NRMSE {planned.predicted_nrmse_percent:.3f} %' in printed
     assert 'amplifier: 100.0 % of its limits' in printed
-    (models / 'runs.yaml').write_text(RUNS.format(rig=RIG_FILE))
+    (models / 'runs.yaml').write_text(RUNS.format(rig=rig_file))
     assert main(['simulate', 'runs.yaml', '-o', 'out']) == 0
     report = json.loads((models / 'out' / 'report.json').read_text())
     ff, fbff = (run['nrmse_percent'] for run in report['runs'])
@@ -141,14 +121,14 @@ def smooth(share):
     return share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
 
 
-def test_any_motion_runs_as_predicted(models, capsys):
+def test_any_motion_runs_as_predicted(models, rig_file, capsys):
     time_s = np.arange(2000) * 1e-5
     assert plan_motion(2.0 * smooth((time_s - 0.004) / 0.001)) == 0
     printed = capsys.readouterr().out
     predicted_nm = float(printed.partition('predicted error ')[2].partition(' nm')[0])
     assert predicted_nm < 2.0
     (models / 'runs.yaml').write_text(
-        RUNS.format(rig=RIG_FILE).replace('scan.yaml', 'played.yaml')
+        RUNS.format(rig=rig_file).replace('scan.yaml', 'played.yaml')
         .replace('periods: 20', 'periods: 1').replace('score_periods: 4', 'score_periods: 1'))
     assert main(['simulate', 'runs.yaml', '-o', 'out']) == 0
     report = json.loads((models / 'out' / 'report.json').read_text())

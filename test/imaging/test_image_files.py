@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Images as files, read back by the libraries of those who use them."""
+"""Images as files, read back by the libraries that read such files."""
 
 import numpy as np
 import pytest

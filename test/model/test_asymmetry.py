@@ -39,7 +39,7 @@ TOLERANCE = 1e-9
 
 @st.composite
 def asymmetric(draw):
-    """Draw parameters of an operator whose output map rises everywhere."""
+    """Draw parameters of an operator with an output map that rises everywhere."""
     thresholds = sorted(draw(st.lists(
         st.floats(-6.0, 6.0).map(lambda x: round(x, 3)), max_size=6, unique=True)))
     below = [value for value in thresholds if value < 0.0]

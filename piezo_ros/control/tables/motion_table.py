@@ -29,7 +29,6 @@ Examples
 """
 
 import math
-import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -39,8 +38,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from piezo_ros.model.parameters import ParameterError
+from piezo_ros.model.step import step
 
-__all__ = ['MotionTable', 'MotionTableError', 'read_motion_table', 'write_motion_table']
+__all__ = [
+    'MotionTable', 'MotionTableError', 'place_step', 'read_motion_table', 'write_motion_table',
+]
 
 MOST_SAMPLES: Final = 10**7
 _COLUMNS: Final = ('reference_um', 'command_um', 'time_s')
@@ -106,14 +108,14 @@ class MotionTable:
                 f'repeat_from is {self.repeat_from}, allowed is 0 … {samples - 2} (two samples at '
                 'least are repeated)')
 
+    @property
+    def first_repeated(self) -> int:
+        """First of the samples that are repeated: the last one where it is held."""
+        return self.reference_um.size - 1 if self.repeat_from is None else self.repeat_from
+
     def place(self, index: int) -> int:
         """Return which sample of the table is the sample k of a run."""
-        last = self.reference_um.size - 1
-        if index <= last:
-            return index
-        if self.repeat_from is None:
-            return last
-        return self.repeat_from + (index - self.repeat_from) % (last + 1 - self.repeat_from)
+        return place_step(self.reference_um.size, self.first_repeated, index)
 
     @property
     def greatest_um(self) -> float:
@@ -128,15 +130,14 @@ class MotionTable:
         The step from the end to the first repeated sample counts.
         """
         values = self.reference_um if self.command_um is None else self.command_um
-        following = np.append(
-            values[1:], values[-1] if self.repeat_from is None else values[self.repeat_from])
+        following = np.append(values[1:], values[self.first_repeated])
         steps = np.abs(following - values)
         place = int(np.argmax(steps))
         return place, float(steps[place])
 
-    def check_closed(self, most_um: float) -> None:
+    def check_steps(self, most_um: float) -> None:
         """
-        Refuse a repeated motion whose end does not lead back to its beginning.
+        Refuse a motion that jumps, also from its end to the first repeated sample.
 
         Parameters
         ----------
@@ -156,6 +157,14 @@ class MotionTable:
             raise MotionTableError(
                 f'it jumps by {step_um:g} um from sample {place} to {to}, allowed is {most_um:g} '
                 'um in a sample period')
+
+
+@step
+def place_step(samples: int, first_repeated: int, index: int) -> int:
+    """Return which of the samples of a table is the sample k of a run."""
+    if index < samples:
+        return index
+    return first_repeated + (index - first_repeated) % (samples - first_repeated)
 
 
 def read_motion_table(path: Path, sample_period_s: float) -> MotionTable:
@@ -248,6 +257,7 @@ def _period_of(time_s: _Floats) -> float:
 
 
 def _read_npz(path: Path) -> tuple[dict[str, _Floats], dict[str, float]]:
+    import zipfile  # here: every trajectory node imports this module, few read such a file
     try:
         with np.load(path, allow_pickle=False) as archive:
             arrays = {name: archive[name] for name in archive.files}

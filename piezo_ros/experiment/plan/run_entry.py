@@ -181,7 +181,7 @@ def _check_motion(where: str, run: PlannedRun) -> None:
         _check_commands(run, motion)
         if plant.slew_limit_v_per_s:
             # Where every element slips, the stage moves farthest for a volt.
-            motion.check_closed(
+            motion.check_steps(
                 plant.slew_limit_v_per_s * trajectory.sample_period_s * plant.kappa_um_per_v[-1])
     except ParameterError as error:
         raise PlanError(f'{where}: {error}') from None

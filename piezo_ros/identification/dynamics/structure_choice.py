@@ -287,7 +287,7 @@ class _Search:
         return best
 
     def thinned(self, fit: RationalFit) -> RationalFit:
-        """Return a fit whose criterion no smaller neighbour undercuts."""
+        """Return the fit at which no smaller neighbour has a better criterion."""
         while True:
             found = min(
                 (self.fit(shape, starts) for shape, starts in self._smaller(fit)),

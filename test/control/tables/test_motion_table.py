@@ -149,8 +149,8 @@ def test_a_file_that_is_not_there_is_named(tmp_path):
 def test_a_motion_that_does_not_close_is_told():
     open_end = MotionTable(np.linspace(0.0, 1.0, 101), None, PERIOD_S, repeat_from=0)
     with pytest.raises(MotionTableError, match='jumps by 1 um from sample 100 to the first'):
-        open_end.check_closed(0.02)
-    MotionTable(np.linspace(0.0, 1.0, 101), None, PERIOD_S).check_closed(0.02)
+        open_end.check_steps(0.02)
+    MotionTable(np.linspace(0.0, 1.0, 101), None, PERIOD_S).check_steps(0.02)
     jump = MotionTable(np.array([0.0, 0.0, 0.5, 0.5]), None, PERIOD_S)
     with pytest.raises(MotionTableError, match='jumps by 0.5 um from sample 1 to sample 2'):
-        jump.check_closed(0.4)
+        jump.check_steps(0.4)
