@@ -17,7 +17,7 @@
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ['finite_series']
+__all__ = ['bridged_series', 'finite_series']
 
 
 def finite_series(name: str, values: ArrayLike) -> NDArray[np.float64]:
@@ -50,3 +50,32 @@ def finite_series(name: str, values: ArrayLike) -> NDArray[np.float64]:
         first = int(np.argmin(finite))
         raise ValueError(f'{name}[{first}] is {series[first]}, it must be finite')
     return series
+
+
+def bridged_series(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """
+    Return samples with straight lines over those that are not finite, shape (N,).
+
+    Parameters
+    ----------
+    values : ndarray, shape (N,)
+        The samples.
+
+    Raises
+    ------
+    ValueError
+        If no sample is finite.
+
+    Examples
+    --------
+    >>> bridged_series(np.array([np.nan, 1.0, np.nan, 3.0])).tolist()
+    [1.0, 1.0, 2.0, 3.0]
+
+    """
+    finite = np.isfinite(values)
+    if finite.all():
+        return values
+    if not finite.any():
+        raise ValueError('the input has no finite sample')
+    index = np.arange(values.size)
+    return np.interp(index, index[finite], values[finite])

@@ -36,6 +36,7 @@ from piezo_ros.model import (
     MaxwellResistiveCapacitor,
     RigParameters,
 )
+from piezo_ros.series import bridged_series
 
 __all__ = ['recorded_response']
 
@@ -176,10 +177,8 @@ def _command_of(
     finite = np.isfinite(voltage_v)
     if not finite.any():
         return np.full(voltage_v.size, np.nan)
-    index = np.arange(voltage_v.size)
     # The hysteresis remembers what came before a lost sample, so that this must not end there.
-    filled_v = np.interp(index, index[finite], voltage_v[finite])
-    command_um = MaxwellResistiveCapacitor.of(hysteresis).forward(filled_v)[0]
+    command_um = MaxwellResistiveCapacitor.of(hysteresis).forward(bridged_series(voltage_v))[0]
     return np.where(finite, command_um, np.nan)
 
 

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Floating-point numbers as YAML text with all digits kept.
+Values as YAML text, numbers with all digits kept.
 
 Examples
 --------
@@ -21,12 +21,17 @@ Examples
 '1.0e-05'
 >>> yaml_list([3, 0.25])
 '[3.0, 0.25]'
+>>> yaml_value('good: 3')
+"'good: 3'"
 
 """
 
+import math
 from collections.abc import Iterable
 
-__all__ = ['yaml_list', 'yaml_number']
+import yaml
+
+__all__ = ['yaml_list', 'yaml_number', 'yaml_value']
 
 
 def yaml_number(value: float) -> str:
@@ -38,3 +43,18 @@ def yaml_number(value: float) -> str:
 def yaml_list(values: Iterable[float]) -> str:
     """Return numbers as a YAML list."""
     return '[' + ', '.join(map(yaml_number, values)) + ']'
+
+
+def yaml_value(value: float | int | str | Iterable[float]) -> str:
+    """Return a number, a text or a list of numbers as YAML."""
+    if isinstance(value, str):
+        # Quoted always: a text such as "good: 3" is not one for YAML.
+        return yaml.safe_dump(
+            value, default_style="'", width=math.inf, allow_unicode=True).strip()
+    if isinstance(value, int):
+        return str(value)
+    if isinstance(value, float):
+        if not math.isfinite(value):
+            return '.nan' if math.isnan(value) else ('.inf' if value > 0.0 else '-.inf')
+        return yaml_number(value)
+    return yaml_list(value)

@@ -19,13 +19,10 @@ Nodes read the section of the trajectory node alone; the facts stand in a sectio
 ``/**/identified_dynamics``, for prediction, tuning and the reader.
 """
 
-import math
 from collections.abc import Iterable, Mapping
 from typing import Final
 
-import yaml
-
-from piezo_ros.identification.yaml_text import yaml_list, yaml_number
+from piezo_ros.identification.yaml_text import yaml_value
 
 __all__ = ['FACTS_SECTION', 'Fact', 'dynamics_yaml']
 
@@ -74,18 +71,4 @@ def dynamics_yaml(
 def _entries(values: Mapping[str, Fact], notes: Mapping[str, str]) -> Iterable[str]:
     for name, value in values.items():
         note = f'  # {notes[name]}' if name in notes else ''
-        yield f'    {name}: {_text(value)}{note}'
-
-
-def _text(value: Fact) -> str:
-    if isinstance(value, str):
-        # Quoted always: a text such as "good: 3" is not one for YAML.
-        return yaml.safe_dump(
-            value, default_style="'", width=math.inf, allow_unicode=True).strip()
-    if isinstance(value, int):
-        return str(value)
-    if isinstance(value, list):
-        return yaml_list(value)
-    if not math.isfinite(value):
-        return '.nan' if math.isnan(value) else ('.inf' if value > 0.0 else '-.inf')
-    return yaml_number(value)
+        yield f'    {name}: {yaml_value(value)}{note}'

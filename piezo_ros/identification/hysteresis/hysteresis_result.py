@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from piezo_ros.identification.hysteresis.parameter_file import identified_facts, parameter_yaml
+from piezo_ros.identification.hysteresis.parameter_file import hysteresis_facts, parameter_yaml
 from piezo_ros.identification.hysteresis.validation import Validation
 from piezo_ros.identification.verdict import Verdict
 from piezo_ros.model.hysteresis import HysteresisParameters
@@ -160,7 +160,7 @@ class HysteresisFit:
         return parameter_yaml(
             self.parameters, self.kappa_standard_error_um_per_v,
             self.saturation_standard_error_v, notes,
-            identified_facts(
+            hysteresis_facts(
                 self.validation, self.verdict, rms_um=self.rms_um, samples_used=self.samples_used,
                 samples_lost=self.samples_lost, delay_samples=self.delay_samples,
                 offset_um=self.offset_um,

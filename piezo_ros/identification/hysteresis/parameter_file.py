@@ -14,29 +14,29 @@
 
 """The ROS parameter file of the compensator, with the standard errors as comments."""
 
-import json
 from collections.abc import Mapping, Sequence
-from typing import Final
+from typing import Final, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from piezo_ros.identification.hysteresis.validation import Validation
 from piezo_ros.identification.verdict import Verdict
-from piezo_ros.identification.yaml_text import yaml_list, yaml_number
+from piezo_ros.identification.yaml_text import yaml_value
 from piezo_ros.model.hysteresis import HysteresisParameters
 
-__all__ = ['identified_facts', 'parameter_yaml']
+__all__ = ['hysteresis_facts', 'parameter_yaml']
 
 _FORMAT_VERSION: Final = 1
 
 _Floats = NDArray[np.float64]
+Fact: TypeAlias = float | int | str | Sequence[float]
 
 
 def parameter_yaml(
     parameters: HysteresisParameters, kappa_standard_error_um_per_v: _Floats,
     saturation_standard_error_v: _Floats, notes: Sequence[str],
-    facts: Mapping[str, object] | None = None,
+    facts: Mapping[str, Fact] | None = None,
 ) -> str:
     """
     Return the text of a parameter file for the compensator.
@@ -82,11 +82,11 @@ def parameter_yaml(
     return '\n'.join([*comments, *sections, ''])
 
 
-def identified_facts(
+def hysteresis_facts(
     validation: Validation, verdict: Verdict, *, rms_um: float, samples_used: int,
     samples_lost: int, delay_samples: float, offset_um: float, range_v: tuple[float, float],
     drift_um_per_sample: float = 0.0, sample_period_s: float | None = None,
-) -> dict[str, object]:
+) -> dict[str, Fact]:
     """Return what later steps read of an identification, names with units to values."""
     return {
         'verdict': str(verdict),
@@ -111,20 +111,9 @@ def identified_facts(
     }
 
 
-def _section(node: str, values: Mapping[str, object]) -> list[str]:
+def _section(node: str, values: Mapping[str, Fact]) -> list[str]:
     return [f'/**/{node}:', '  ros__parameters:', *(
-        f'    {name}: {_yaml(value)}' for name, value in values.items())]
-
-
-def _yaml(value: object) -> str:
-    if isinstance(value, str):
-        return json.dumps(value, ensure_ascii=False)
-    if isinstance(value, int):
-        return str(value)
-    if isinstance(value, float):
-        return yaml_number(value)
-    assert isinstance(value, Sequence)
-    return yaml_list(value)
+        f'    {name}: {yaml_value(value)}' for name, value in values.items())]
 
 
 def _error_text(error: float) -> str:

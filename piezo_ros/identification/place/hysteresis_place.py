@@ -48,6 +48,7 @@ from piezo_ros.model import (
     HysteresisParameters,
     MaxwellResistiveCapacitor,
 )
+from piezo_ros.series import bridged_series
 
 __all__ = ['Candidate', 'HysteresisPlace', 'TimeRecord', 'decide_hysteresis_place']
 
@@ -259,9 +260,9 @@ def _stretches(
             first = max(int(start) - warm_up, 0)
             # The memory of the hysteresis is that of the voltage: a lag before it shifts the turns
             # by little, and the turns within the warm-up are simulated.
-            _, state = operator.forward(_filled(record.voltage_v[done:first]), state)
+            _, state = operator.forward(bridged_series(record.voltage_v[done:first]), state)
             done = first
-            voltage_v = _filled(record.voltage_v[first:start + length])
+            voltage_v = bridged_series(record.voltage_v[first:start + length])
             displacement_um = record.displacement_um[start:start + length]
             if np.isfinite(displacement_um).all() and np.ptp(voltage_v) > 0.0:
                 stretches.append(_Stretch(
@@ -271,14 +272,6 @@ def _stretches(
             f'{len(stretches)} stretches of the records are whole and moving, at least 8 are '
             'needed to tell where the hysteresis is')
     return stretches
-
-
-def _filled(voltage_v: NDArray[np.float64]) -> NDArray[np.float64]:
-    finite = np.isfinite(voltage_v)
-    if finite.all():
-        return voltage_v
-    index = np.arange(voltage_v.size)
-    return np.interp(index, index[finite], voltage_v[finite])
 
 
 def _error(

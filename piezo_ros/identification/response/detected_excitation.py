@@ -38,6 +38,7 @@ from scipy.fft import irfft, next_fast_len, rfft
 from scipy.signal import hilbert
 
 from piezo_ros.control.tables.excitation import Window
+from piezo_ros.series import bridged_series
 
 __all__ = ['EXCITATION_KINDS', 'DetectedExcitation', 'detect_excitation']
 
@@ -98,7 +99,7 @@ def detect_excitation(
     if kind not in ('auto', *EXCITATION_KINDS):
         raise ValueError(
             f'excitation is {kind!r}, allowed are auto, {", ".join(EXCITATION_KINDS)}')
-    values = _filled(np.asarray(input_, dtype=np.float64))
+    values = bridged_series(np.asarray(input_, dtype=np.float64))
     if not np.ptp(values) > 0.0:
         raise ValueError('the input does not move, no frequency is excited')
     if kind in ('auto', 'stepped'):
@@ -119,16 +120,6 @@ def detect_excitation(
                 'the input does not repeat itself over two periods after one to settle, with at '
                 f'most {_MOST_LINES} lines')
     return DetectedExcitation('broadband', ())
-
-
-def _filled(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    finite = np.isfinite(values)
-    if finite.all():
-        return values
-    if not finite.any():
-        raise ValueError('the input has no finite sample')
-    index = np.arange(values.size)
-    return np.interp(index, index[finite], values[finite])
 
 
 def _moving(values: NDArray[np.float64]) -> int:
