@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from piezo_ros.bag.contents import Facts
 from piezo_ros.bag.errors import BagError
@@ -193,6 +193,32 @@ class Run:
             _streams={
                 stream: Samples(first, self._aligned(stream)[start:stop])
                 for stream in self.streams})
+
+
+    def with_stream(self, stream: str, samples: ArrayLike) -> 'Run':
+        """
+        Return the run with other samples of one stream.
+
+        Parameters
+        ----------
+        stream : str
+            Its name, for instance ``'displacement'``.
+        samples : array_like, shape (samples,)
+            In the unit of the stream.
+
+        Raises
+        ------
+        ValueError
+            If the number of samples is another one.
+
+        """
+        values = np.asarray(samples, dtype=np.float64)
+        if values.shape != (self.samples,):
+            raise ValueError(
+                f'samples of {stream!r} have the shape {values.shape}, allowed is '
+                f'({self.samples},)')
+        return replace(
+            self, _streams={**self._streams, stream: Samples(self.start_index, values)})
 
 
 def run_of(

@@ -137,7 +137,8 @@ class RigParameters(HysteresisParameters, DynamicsParameters, CreepParameters):
     adc_span_v: float = parameter(
         20.0, 'V', 'A/D range, centred on zero', minimum=1e-3, maximum=1e4)
     sensor_scale_um_per_v: float = parameter(
-        1.2, 'um/V', 'scale of the sensor', minimum=1e-6, maximum=1e6)
+        0.0, 'um/V', 'scale of the sensor; 0: its travel_um fills the upper half of the A/D range',
+        minimum=0.0, maximum=1e6)
     noise_rms_um: float = parameter(
         1e-3, 'um', 'white measurement noise', minimum=0.0, maximum=1e3)
     seed: int = parameter(1, '', 'seed of the measurement noise', minimum=0, maximum=2**53)
@@ -152,10 +153,23 @@ class RigParameters(HysteresisParameters, DynamicsParameters, CreepParameters):
         ):
             if not low <= value <= high:
                 raise ParameterError(f'{name} is {value}, allowed is {low} … {high}')
+        if self.operating_point_um > self.highest_reading_um:
+            raise ParameterError(
+                f'operating_point_um is {self.operating_point_um:g} um, allowed is 0 … '
+                f'{self.highest_reading_um:g} um: more the A/D converter cannot read with '
+                f'adc_span_v {self.adc_span_v:g} V and sensor_scale_um_per_v '
+                f'{self.sensor_scale_um_per_v:g} um/V')
         try:
             _ = self.true_dynamics
         except ParameterError as error:
             raise ParameterError(f'with its mismatches the rig is out of range: {error}') from None
+
+    @property
+    def highest_reading_um(self) -> float:
+        """The largest displacement that the A/D converter can tell, micrometres."""
+        if self.sensor_scale_um_per_v:
+            return self.adc_span_v / 2.0 * self.sensor_scale_um_per_v
+        return self.travel_um
 
     @property
     def true_dynamics(self) -> DynamicsParameters:
@@ -271,7 +285,7 @@ def rig_constants(parameters: RigParameters, sample_period_s: float) -> RigConst
             f'delay_s is {p.delay_s} s, allowed is 0 … '
             f'{_MOST_DELAY_SAMPLES * sample_period_s:g} s at a sample period of '
             f'{sample_period_s:g} s')
-    adc_limit_um = p.adc_span_v / 2.0 * p.sensor_scale_um_per_v
+    adc_limit_um = p.highest_reading_um
     return RigConstants(
         dac=converter_constants(
             p.voltage_minimum_v, p.voltage_maximum_v, p.dac_span_v, p.dac_bits,

@@ -27,7 +27,7 @@ from piezo_ros.cli.identify.common import (
     identify,
     with_picture,
 )
-from piezo_ros.cli.identify.placing import add_place_arguments, placed_model
+from piezo_ros.cli.identify.placing import add_place_arguments, linearised, placed_model
 from piezo_ros.cli.identify.responses import (
     add_response_arguments,
     add_table_arguments,
@@ -76,6 +76,8 @@ def _make(options: argparse.Namespace, runs: list[Run]) -> Identified:
     fit = fit_dynamics(
         response, maximum_frequency_hz=options.maximum_frequency_hz,
         delay_samples=options.delay_samples, **_structure(options))
+    if fit.candidates:
+        fit, response = linearised(options, fit, response, runs)
     _print(fit)
     table = options.output.with_suffix(TABLE_SUFFIX)
     text = fit.to_parameter_yaml(response_source(options, runs), {

@@ -15,13 +15,17 @@
 """``piezo identify dynamics --place-from``: which poles are before the hysteresis."""
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
+import numpy as np
 import yaml
+from numpy.typing import NDArray
 
 from piezo_ros.bag import BagError, Run, open_recording
 from piezo_ros.bag.recorded_node import recorded_node, recorded_parameters
+from piezo_ros.cli.identify.responses import response_of
 from piezo_ros.cli.shared.bag_options import bag_options
 from piezo_ros.identification.place.hysteresis_place import HysteresisPlace
 from piezo_ros.identification.place.placed_file import (
@@ -31,7 +35,12 @@ from piezo_ros.identification.place.placed_file import (
 from piezo_ros.model import DynamicsParameters, HysteresisParameters
 from piezo_ros.parameters.parameter_file import read_parameter_set
 
-__all__ = ['add_place_arguments', 'placed_model']
+__all__ = ['add_place_arguments', 'linearised', 'placed_model']
+
+if TYPE_CHECKING:
+    from piezo_ros.identification.dynamics.identified_dynamics import DynamicsFit
+    from piezo_ros.identification.place.hysteresis_place import TimeRecord
+    from piezo_ros.identification.response.frequency_response import FrequencyResponse
 
 _NODE: Final = '/**/trajectory'
 
@@ -44,6 +53,46 @@ def add_place_arguments(kind: argparse.ArgumentParser) -> None:
         'this bag: of a virgin stage, at the frequencies of the poles and at amplitudes at which '
         'the hysteresis shows. The hysteresis is that of --compensator, else of the compensator in '
         'the bag (default: by the bags of the dynamics, where the hysteresis is known)')
+
+
+def linearised(
+    options: argparse.Namespace, fit: 'DynamicsFit', response: 'FrequencyResponse',
+    runs: list[Run],
+) -> 'tuple[DynamicsFit, FrequencyResponse]':
+    """
+    Return model and points without what a hysteresis behind poles does to them, where it shows.
+
+    Parameters
+    ----------
+    options : argparse.Namespace
+        The arguments of the command.
+    fit : DynamicsFit
+        The model of the points as they were measured.
+    response : FrequencyResponse
+        These points.
+    runs : list of Run
+        Where they are from.
+
+    """
+    from piezo_ros.identification.place.linearised_fit import fit_linearised
+    if options.from_response or not runs or any(run.start_index != 0 for run in runs):
+        return fit, response
+    try:
+        hysteresis = _hysteresis(options, runs[0])
+    except BagError:
+        return fit, response
+
+    def respond(displacements_um: 'Sequence[NDArray[np.float64]]') -> 'FrequencyResponse':
+        return response_of(options, [
+            run.with_stream('displacement', displacement_um)
+            for run, displacement_um in zip(runs, displacements_um, strict=True)])
+    found = fit_linearised(
+        fit, response.below(options.maximum_frequency_hz), _time_records(runs), hysteresis,
+        respond, delay_samples=options.delay_samples)
+    if found is None:
+        return fit, response
+    print(f'{found} explains the points: its effect is taken out of them')
+    return found.fit, found.response
 
 
 def placed_model(options: argparse.Namespace, text: str, runs: list[Run]) -> str:
@@ -89,10 +138,7 @@ def placed_model(options: argparse.Namespace, text: str, runs: list[Run]) -> str
 def _place(
     runs: list[Run], options: argparse.Namespace, dynamics: DynamicsParameters,
 ) -> 'HysteresisPlace':
-    from piezo_ros.identification.place.hysteresis_place import (
-        TimeRecord,
-        decide_hysteresis_place,
-    )
+    from piezo_ros.identification.place.hysteresis_place import decide_hysteresis_place
     if not runs:
         raise ValueError('as no bag is given')
     for run in runs:
@@ -101,8 +147,12 @@ def _place(
                 f'{run.path} begins at sample {run.start_index}: what the hysteresis remembers of '
                 'the samples before is not known')
     return decide_hysteresis_place(
-        [TimeRecord(run.voltage_v, run.displacement_um, run.sample_period_s) for run in runs],
-        _hysteresis(options, runs[0]), dynamics)
+        _time_records(runs), _hysteresis(options, runs[0]), dynamics)
+
+
+def _time_records(runs: list[Run]) -> 'list[TimeRecord]':
+    from piezo_ros.identification.place.hysteresis_place import TimeRecord
+    return [TimeRecord(run.voltage_v, run.displacement_um, run.sample_period_s) for run in runs]
 
 
 def _read(path: Path, options: argparse.Namespace) -> Run:

@@ -16,18 +16,21 @@
 
 import argparse
 import math
+from collections.abc import Iterator
 from pathlib import Path
 
 from piezo_ros.bag import Run
 from piezo_ros.control import TrajectoryParameters
 from piezo_ros.experiment.recorded_response import recorded_response
 from piezo_ros.identification.response.detected_excitation import EXCITATION_KINDS
-from piezo_ros.identification.response.frequency_response import FrequencyResponse
+from piezo_ros.identification.response.frequency_response import FrequencyResponse, merge
 from piezo_ros.identification.response.response_csv import read_response
 from piezo_ros.model import HysteresisParameters
 from piezo_ros.parameters.parameter_file import read_parameter_set
 
-__all__ = ['add_response_arguments', 'add_table_arguments', 'response_source', 'responses']
+__all__ = [
+    'add_response_arguments', 'add_table_arguments', 'response_of', 'response_source',
+    'responses']
 
 
 def add_response_arguments(kind: argparse.ArgumentParser) -> None:
@@ -84,7 +87,10 @@ def responses(options: argparse.Namespace, runs: list[Run]) -> list[FrequencyRes
     tables = getattr(options, 'from_response', None) or []
     if not (runs or tables):
         raise ValueError('no BAG is given, and no --from-response FILE')
-    found = _recorded(options, runs) if runs else []
+    found = []
+    for run, response in _recorded(options, runs) if runs else ():
+        _tell(run.path.name, response)
+        found.append(response)
     for path in tables:
         response = read_response(path, sample_period_s=options.sample_period_s)
         _tell(path.name, response)
@@ -102,7 +108,15 @@ def _tell(name: str, response: FrequencyResponse) -> None:
         print(f'{name}: {note}')
 
 
-def _recorded(options: argparse.Namespace, runs: list[Run]) -> list[FrequencyResponse]:
+def response_of(options: argparse.Namespace, runs: list[Run]) -> FrequencyResponse:
+    """Return the response of all bags together, without a word about it."""
+    return merge([response for _, response in _recorded(options, runs)])
+
+
+def _recorded(
+    options: argparse.Namespace, runs: list[Run],
+) -> Iterator[tuple[Run, FrequencyResponse]]:
+    """Yield each bag with its response."""
     played = options.trajectory or [None]
     if len(played) not in (1, len(runs)):
         raise ValueError(
@@ -111,14 +125,10 @@ def _recorded(options: argparse.Namespace, runs: list[Run]) -> list[FrequencyRes
     hysteresis = None
     if options.compensator:
         hysteresis = read_parameter_set(options.compensator, 'compensator', HysteresisParameters)
-    found = []
     for run, path in zip(runs, played * (len(runs) // len(played)), strict=True):
         trajectory = None if path is None else read_parameter_set(
             path, 'trajectory', TrajectoryParameters, {'sample_period_s': run.sample_period_s})
-        response = recorded_response(
+        yield run, recorded_response(
             run, slew_limit_v_per_s=options.slew_limit_v_per_s, trajectory=trajectory,
             hysteresis=hysteresis, excitation=options.excitation,
             estimator=options.estimator)
-        _tell(run.path.name, response)
-        found.append(response)
-    return found

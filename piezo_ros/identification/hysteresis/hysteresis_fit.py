@@ -79,6 +79,8 @@ from piezo_ros.model.hysteresis import HysteresisParameters
 __all__ = ['Coverage', 'HysteresisFit', 'fit_hysteresis', 'fit_hysteresis_records']
 
 _MOST_ELEMENTS: Final = 160
+_FIRST_ELEMENTS: Final = 10
+_MORE_ELEMENTS: Final = (24, 40)  # that are tried where no number is asked for
 _RICH_ELEMENTS: Final = 24  # whether more elements would help is tried with so many
 _FOLD_STEPS: Final = 20  # a fold starts from the fit to all data
 _FOLD_ROUNDS: Final = 2
@@ -94,7 +96,7 @@ _Floats = NDArray[np.float64]
 
 def fit_hysteresis(
     voltage_v: ArrayLike | Sequence[ArrayLike], displacement_um: ArrayLike | Sequence[ArrayLike],
-    *, elements: int | Literal['auto'] = 10, virgin: bool = True,
+    *, elements: int | Literal['auto'] | None = None, virgin: bool = True,
     range_v: tuple[float, float] | None = None,
 ) -> HysteresisFit:
     """
@@ -111,7 +113,8 @@ def fit_hysteresis(
         Measured displacement; values that are not finite are left out.
     elements : int or 'auto', optional
         Number n of voltage-limited elements, 1 to 160; 'auto' takes the smallest one (up to 24)
-        that is as good as any at every amplitude, by cross-validation.
+        that is as good as any at every amplitude, by cross-validation. By default 10, and 24 or 40
+        where these leave clearly less of loops that are held out.
     virgin : bool, optional
         Whether each run starts from a virgin stage. If not, samples before the largest voltage,
         which erases the earlier history, are left out.
@@ -134,7 +137,7 @@ def fit_hysteresis(
 
 
 def fit_hysteresis_records(
-    records: Sequence[Record], *, elements: int | Literal['auto'] = 10,
+    records: Sequence[Record], *, elements: int | Literal['auto'] | None = None,
     range_v: tuple[float, float] | None = None,
 ) -> HysteresisFit:
     """
@@ -148,7 +151,7 @@ def fit_hysteresis_records(
         As for `fit_hysteresis`.
 
     """
-    if elements != 'auto' and not (
+    if elements not in ('auto', None) and not (
             isinstance(elements, int) and 1 <= elements <= _MOST_ELEMENTS):
         raise ValueError(f"elements is {elements!r}, allowed is 1 … {_MOST_ELEMENTS} or 'auto'")
     if range_v is not None and not range_v[0] < range_v[1]:
@@ -158,12 +161,20 @@ def fit_hysteresis_records(
     weighted = weighted_by_amplitude(few)
     errors: dict[int, float] = {}
     if elements == 'auto':
-        elements, errors = choose_elements(weighted)
-    best = _candidate(few, weighted, elements)
-    if best.validation.worst_percent > _FURTHER_PERCENT:
-        best = _better_candidate(best, weighted)
+        number, errors = choose_elements(weighted)
+    else:
+        number = _FIRST_ELEMENTS if elements is None else elements
+    best = _best_candidate(few, weighted, number)
     richer = None
-    if best.validation.worst_percent > GOOD_PERCENT and elements < _RICH_ELEMENTS:
+    if elements is None:
+        for more in _MORE_ELEMENTS:
+            if best.validation.worst_percent <= _FURTHER_PERCENT:
+                break
+            better = _better(best, _best_candidate(few, weighted, more))
+            if better is best:
+                break
+            best = better
+    elif best.validation.worst_percent > GOOD_PERCENT and number < _RICH_ELEMENTS:
         richer = _RICH_ELEMENTS, _rich_error(best)
     return _result(records, best, range_v, errors, richer)
 
@@ -185,6 +196,14 @@ def _candidate(
     few, weighted = _without_drift(few, drift_um), _without_drift(weighted, drift_um)
     preparation, fit = _best_symmetric(few, weighted, elements)
     return _Candidate(few, preparation, fit, _validation(few, preparation, fit), drift_um)
+
+
+def _best_candidate(few: list[Record], weighted: list[Record], elements: int) -> _Candidate:
+    """Return the best fit of so many elements: symmetric or not, with a drift or without."""
+    best = _candidate(few, weighted, elements)
+    if best.validation.worst_percent > _FURTHER_PERCENT:
+        best = _better_candidate(best, weighted)
+    return best
 
 
 def _better_candidate(plain: _Candidate, weighted: list[Record]) -> _Candidate:

@@ -57,6 +57,7 @@ _STRETCH_SAMPLES: Final = 600
 _DECAYS: Final = 6.0  # time constants of the slowest mode that a stretch lets pass before
 _LONGEST_WARM_UP: Final = 3000  # samples
 _MOST_CANDIDATES: Final = 32
+_FEW_CANDIDATES: Final = 8  # of more, those with at most one pole or pair before the hysteresis
 _CLEAR: Final = 3.0  # standard errors
 _CLEAR_RATIO: Final = 1.1
 _EXPLAINED: Final = 0.1  # of the displacement, which the best placement may miss
@@ -190,6 +191,9 @@ def decide_hysteresis_place(
     """
     factors = dynamics if isinstance(dynamics, Factors) else Factors.of(dynamics)
     choices = list(placements(factors))
+    if len(choices) > _FEW_CANDIDATES:
+        # An amplifier is a lag or a pair; to compare everything takes minutes.
+        choices = [each for each in choices if len(each.rates) + len(each.pairs) <= 1]
     if len(choices) > _MOST_CANDIDATES:
         raise ValueError(
             f'{len(factors.rates_rad_per_s)} real poles and {len(factors.pairs)} pairs have '

@@ -1,0 +1,245 @@
+# Copyright 2026 piezo_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+A frequency response without what a hysteresis behind poles does to it.
+
+A compensated command v passes the inverse hysteresis, poles, the hysteresis, and the rest::
+
+    y = Gbehind(s) w,   w = H(Gbefore(s) H^-1(v)),   w_lin = Gbefore(s) v
+
+With poles before H the phasor W of w is not that of w_lin: the loops get smaller and later with
+the frequency. No linear model explains the measured points Y/V then, however many poles it has; but
+
+    Y/V W_lin/W = Gbehind Gbefore = G
+
+is linear, and only the poles before H have to be found: those for which a model explains these
+points best. Looked for are a lag and a pole pair. What is taken must explain the points clearly
+better than any model of the points as they were measured.
+"""
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize
+
+from piezo_ros.identification.dynamics.dynamics_fit import DynamicsFit, fit_dynamics
+from piezo_ros.identification.dynamics.rational_fit import (
+    COARSE,
+    RationalProblem,
+    fit_rational,
+)
+from piezo_ros.identification.dynamics.structure_choice import shape_of
+from piezo_ros.identification.place.hysteresis_place import TimeRecord
+from piezo_ros.identification.place.placed_stage import Factors, Placement, simulate_placed
+from piezo_ros.identification.response.frequency_response import FrequencyResponse
+from piezo_ros.model import HysteresisParameters, MaxwellResistiveCapacitor
+from piezo_ros.series import bridged_series
+
+__all__ = ['LinearisedFit', 'fit_linearised']
+
+_LEAST_ERROR: Final = 1e-3  # of a model; less of the response is not explained better
+_CLEARLY: Final = 0.7  # share of the error of the points as measured, below which poles are taken
+_SMALLEST_ERROR: Final = 2e-3  # of a model of the points as measured, above which poles are tried
+_ORDERS: Final = (3, 6)  # of the model in the search: as chosen for the points, within these
+_HIGHEST: Final = 3.0  # over the highest measured frequency: faster poles do not show
+_RATES: Final = 9
+_FREQUENCIES: Final = 6
+_DAMPING_RATIOS: Final = (0.4, 0.8)
+_EVALUATIONS: Final = 40
+_TOLERANCE: Final = 2e-3  # of a logarithm
+_GRID: Final = 4  # steps per sample period of the simulation
+
+_Floats = NDArray[np.float64]
+_Respond = Callable[[Sequence[_Floats]], FrequencyResponse]
+
+
+class LinearisedFit(NamedTuple):
+    """
+    A model of points from which the effect of the hysteresis was taken out.
+
+    Attributes
+    ----------
+    fit : DynamicsFit
+        The model.
+    response : FrequencyResponse
+        The points.
+    before : Factors
+        The poles before the hysteresis that explain the measured points.
+
+    """
+
+    fit: DynamicsFit
+    response: FrequencyResponse
+    before: Factors
+
+    def __str__(self) -> str:
+        if self.before.rates_rad_per_s:
+            poles = f'a lag of {self.before.rates_rad_per_s[0]:.4g} rad/s'
+        else:
+            poles = 'a pole pair of {:.4g} rad/s, damping ratio {:.3g},'.format(
+                *self.before.pairs[0])
+        return f'{poles} before the hysteresis'
+
+
+def fit_linearised(
+    fit: DynamicsFit, measured: FrequencyResponse, records: Sequence[TimeRecord],
+    hysteresis: HysteresisParameters, respond: _Respond, *, delay_samples: float = 0.0,
+) -> LinearisedFit | None:
+    """
+    Return a model that explains points by poles before the hysteresis, where none does without.
+
+    Parameters
+    ----------
+    fit : DynamicsFit
+        The model of the points as they were measured.
+    measured : FrequencyResponse
+        These points.
+    records : sequence of TimeRecord
+        The records that they are from, each of a virgin stage.
+    hysteresis : HysteresisParameters
+        The identified hysteresis.
+    respond : callable
+        Returns the frequency response of the records with other displacements, one for each.
+    delay_samples : float, optional
+        Known delay, in samples.
+
+    Returns
+    -------
+    LinearisedFit or None
+        None where the points are explained as they are, or no poles before the hysteresis explain
+        them clearly better.
+
+    """
+    if fit.model_error < _SMALLEST_ERROR:
+        return None
+    search = _Search(
+        measured, [record._replace(voltage_v=bridged_series(record.voltage_v))
+                   for record in records],
+        MaxwellResistiveCapacitor.of(hysteresis), respond, delay_samples,
+        min(max(fit.orders[1], _ORDERS[0]), _ORDERS[1]))
+    without = search.criterion(measured)
+    best: tuple[float, Factors] | None = None
+    for starts in (_lags(measured), _pairs(measured)):
+        found = search.best_of(starts)
+        if best is None or found[0] < best[0]:
+            best = found
+    assert best is not None
+    if best[0] >= without:
+        return None
+    response = search.linearised(best[1])
+    better = fit_dynamics(response, structure='auto', delay_samples=delay_samples)
+    if better.model_error > _CLEARLY * fit.model_error:
+        return None
+    return LinearisedFit(better, response, best[1])
+
+
+def _lags(measured: FrequencyResponse) -> Iterator[Factors]:
+    for rate in 2.0 * np.pi * _corners_hz(measured, _RATES):
+        yield Factors(1.0, (float(rate),), ())
+
+
+def _pairs(measured: FrequencyResponse) -> Iterator[Factors]:
+    for omega in 2.0 * np.pi * _corners_hz(measured, _FREQUENCIES):
+        for damping in _DAMPING_RATIOS:
+            yield Factors(1.0, (), ((float(omega), damping),))
+
+
+def _corners_hz(measured: FrequencyResponse, number: int) -> _Floats:
+    low, high = float(measured.frequency_hz[0]), float(measured.frequency_hz[-1])
+    return np.asarray(np.geomspace(max(low, 1e-2 * high), _HIGHEST * high, number))
+
+
+class _Search:
+    """The poles before the hysteresis for which a model explains the points best."""
+
+    def __init__(
+        self, measured: FrequencyResponse, records: Sequence[TimeRecord],
+        operator: MaxwellResistiveCapacitor, respond: _Respond, delay_samples: float, order: int,
+    ) -> None:
+        self._measured = measured
+        self._records = records
+        self._operator = operator
+        self._respond = respond
+        self._delay_samples = delay_samples
+        self._shape = shape_of(order - 1, order)
+
+    def best_of(self, starts: Iterator[Factors]) -> tuple[float, Factors]:
+        """Return the least criterion about the best of some starts, and the poles."""
+        best = min(
+            ((self._criterion_of(before), before) for before in starts),
+            key=lambda found: found[0])
+        vector = _vector(best[1])
+        simplex = np.vstack([vector, *(vector + 0.1 * unit for unit in np.eye(vector.size))])
+        found = minimize(
+            lambda changed: self._criterion_of(_changed(best[1], changed)), vector,
+            method='Nelder-Mead', options={
+                'initial_simplex': simplex, 'maxfev': _EVALUATIONS, 'xatol': _TOLERANCE,
+                'fatol': 0.1})
+        if found.fun < best[0]:
+            best = float(found.fun), _changed(best[1], found.x)
+        # The poles are parameters too.
+        return best[0] + vector.size * math.log(2 * self._measured.frequency_hz.size), best[1]
+
+    def criterion(self, points: FrequencyResponse) -> float:
+        """Return the Bayesian criterion of a model of points."""
+        fit = fit_rational(
+            RationalProblem.of(self._shape, points, self._delay_samples), effort=COARSE)
+        return fit.bayesian_criterion(_LEAST_ERROR)
+
+    def linearised(self, before: Factors) -> FrequencyResponse:
+        """Return the measured points times W_lin/W."""
+        all_before = Placement(
+            tuple(range(len(before.rates_rad_per_s))), tuple(range(len(before.pairs))))
+        linear, true = (
+            self._respond([
+                simulate_placed(
+                    before, placement, self._operator, record.voltage_v,
+                    record.sample_period_s, finest=_GRID)
+                for record in self._records])
+            for placement in (Placement(), all_before))
+        ratio = _at(self._measured, linear) / _at(self._measured, true)
+        return replace(
+            self._measured, response=self._measured.response * ratio,
+            variance=self._measured.variance * np.abs(ratio)**2)
+
+    def _criterion_of(self, before: Factors) -> float:
+        return self.criterion(self.linearised(before))
+
+
+def _vector(before: Factors) -> _Floats:
+    return np.log([*before.rates_rad_per_s, *(each for pair in before.pairs for each in pair)])
+
+
+def _changed(before: Factors, vector: _Floats) -> Factors:
+    values = np.exp(vector).tolist()
+    if before.pairs:
+        return before._replace(pairs=((values[0], values[1]),))
+    return before._replace(rates_rad_per_s=(values[0],))
+
+
+def _at(measured: FrequencyResponse, other: FrequencyResponse) -> NDArray[np.complex128]:
+    """Return another response of the same records at the points that were measured."""
+    keys = [
+        list(zip(each.frequency_hz.tolist(), each.amplitude.tolist(), each.offset.tolist(),
+                 strict=True))
+        for each in (measured, other)]
+    place = {key: index for index, key in enumerate(keys[1])}
+    return np.array([
+        other.response[place[key]] if key in place else np.nan for key in keys[0]],
+        dtype=np.complex128)
