@@ -16,7 +16,10 @@
 
 import argparse
 import math
+from dataclasses import replace
 from typing import Any
+
+import numpy as np
 
 from piezo_ros.bag import Run
 from piezo_ros.cli.identify.common import (
@@ -27,18 +30,20 @@ from piezo_ros.cli.identify.common import (
     identify,
     with_picture,
 )
-from piezo_ros.cli.identify.placing import add_place_arguments, linearised, placed_model
+from piezo_ros.cli.identify.placing import add_place_arguments, decided_place, linearised
 from piezo_ros.cli.identify.responses import (
     add_response_arguments,
     add_table_arguments,
     response_source,
     responses,
 )
+from piezo_ros.experiment.model_file import read_accuracy
 from piezo_ros.identification.dynamics.dynamics_fit import STRUCTURES, DynamicsFit
 
 __all__ = ['add_kind']
 
 _MOST_CANDIDATES = 4  # that are printed
+_NAMED_PERCENT = 1.0  # of a loop, left by the hysteresis model
 
 
 def add_kind(kinds: Any) -> None:
@@ -71,6 +76,11 @@ def add_kind(kinds: Any) -> None:
 
 def _make(options: argparse.Namespace, runs: list[Run]) -> Identified:
     from piezo_ros.identification import fit_dynamics, merge
+    from piezo_ros.identification.place.placed_file import (
+        placed_parameter_yaml,
+        undecided_parameter_yaml,
+    )
+    from piezo_ros.identification.place.placed_verdict import with_place
     from piezo_ros.identification.response.response_csv import response_csv
     response = merge(responses(options, runs))
     fit = fit_dynamics(
@@ -79,18 +89,38 @@ def _make(options: argparse.Namespace, runs: list[Run]) -> Identified:
     if fit.candidates:
         fit, response = linearised(options, fit, response, runs)
     _print(fit)
+    place = decided_place(options, fit.parameters, runs)
+    verdict = with_place(fit.validation.verdict, place)
+    verdict = replace(verdict, reasons=(*verdict.reasons, *_hysteresis_remarks(options, runs)))
     table = options.output.with_suffix(TABLE_SUFFIX)
     text = fit.to_parameter_yaml(response_source(options, runs), {
-        'points_file': table.name, 'samples_used': response.samples_used,
-        'samples_lost': response.samples_lost,
+        'verdict': str(verdict), 'points_file': table.name,
+        'samples_used': response.samples_used, 'samples_lost': response.samples_lost,
         'losses': '; '.join([
             *(loss for run in runs for loss in run.lost), *response.losses])})
     files = {
-        options.output: placed_model(options, text, runs),
+        options.output: placed_parameter_yaml(text, place) if place
+        else undecided_parameter_yaml(text),
         table: response_csv(response)}
     return Identified(
-        with_picture(files, options, 'fitted_response_figure', response, fit),
-        fit.validation.verdict)
+        with_picture(files, options, 'fitted_response_figure', response, fit), verdict)
+
+
+def _hysteresis_remarks(options: argparse.Namespace, runs: list[Run]) -> list[str]:
+    """Return how far the hysteresis model is wrong at the amplitude of the runs, if that shows."""
+    if not (options.compensator and runs):
+        return []
+    accuracy = read_accuracy([options.compensator])
+    if not accuracy.level_v:
+        return []
+    amplitude_v = min(0.5 * float(np.nanmax(run.voltage_v) - np.nanmin(run.voltage_v))
+                      for run in runs)
+    percent = float(np.interp(amplitude_v, accuracy.level_v, accuracy.level_percent))
+    if percent < _NAMED_PERCENT:
+        return []
+    return [(
+        f'the hysteresis model leaves {percent:.2g} % of loops of this size, and the points may be '
+        'off by as much')]
 
 
 def _structure(options: argparse.Namespace) -> dict[str, Any]:

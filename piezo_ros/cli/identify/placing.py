@@ -17,10 +17,9 @@
 import argparse
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 
 from piezo_ros.bag import BagError, Run, open_recording
@@ -28,22 +27,15 @@ from piezo_ros.bag.recorded_node import recorded_node, recorded_parameters
 from piezo_ros.cli.identify.responses import response_of
 from piezo_ros.cli.shared.bag_options import bag_options
 from piezo_ros.identification.place.hysteresis_place import HysteresisPlace
-from piezo_ros.identification.place.placed_file import (
-    placed_parameter_yaml,
-    undecided_parameter_yaml,
-)
 from piezo_ros.model import DynamicsParameters, HysteresisParameters
 from piezo_ros.parameters.parameter_file import read_parameter_set
 
-__all__ = ['add_place_arguments', 'linearised', 'placed_model']
+__all__ = ['add_place_arguments', 'decided_place', 'linearised']
 
 if TYPE_CHECKING:
     from piezo_ros.identification.dynamics.identified_dynamics import DynamicsFit
     from piezo_ros.identification.place.hysteresis_place import TimeRecord
     from piezo_ros.identification.response.frequency_response import FrequencyResponse
-
-_NODE: Final = '/**/trajectory'
-
 
 def add_place_arguments(kind: argparse.ArgumentParser) -> None:
     """Describe the bags that tell where the hysteresis is."""
@@ -95,44 +87,48 @@ def linearised(
     return found.fit, found.response
 
 
-def placed_model(options: argparse.Namespace, text: str, runs: list[Run]) -> str:
+def decided_place(
+    options: argparse.Namespace, dynamics: DynamicsParameters | None, runs: list[Run],
+) -> 'HysteresisPlace | None':
     """
-    Return a parameter file of the dynamics with the place of the hysteresis, and print it.
+    Return the place of the hysteresis among the poles of the dynamics, and print it.
 
     Parameters
     ----------
     options : argparse.Namespace
         The arguments of the command.
-    text : str
-        The file.
+    dynamics : DynamicsParameters or None
+        The dynamics; None if nodes cannot have them.
     runs : list of Run
         What the dynamics were identified from.
+
+    Returns
+    -------
+    HysteresisPlace or None
+        None where nothing tells it.
 
     Raises
     ------
     BagError
         If a bag that is told cannot be read, does not begin with the run, or knows no hysteresis.
     ValueError
-        If such bags are too short, or the file is none of the trajectory node.
+        If such bags are too short, or the trajectory node cannot have the dynamics.
 
     """
-    nodes = yaml.safe_load(text)
-    if _NODE not in nodes:
-        if options.place_from:
-            raise ValueError('--place-from needs dynamics that the trajectory node has')
-        return text
-    dynamics = DynamicsParameters.among(nodes[_NODE]['ros__parameters'])
     if options.place_from:
-        place = _place(
-            [_read(path, options) for path in options.place_from], options, dynamics)
+        if dynamics is None:
+            raise ValueError('--place-from needs dynamics that the trajectory node has')
+        place = _place([_read(path, options) for path in options.place_from], options, dynamics)
+    elif dynamics is None:
+        return None
     else:
         try:
             place = _place(runs, options, dynamics)
         except (BagError, ValueError) as error:
             print(f'place of the hysteresis: undecided, {error}')
-            return undecided_parameter_yaml(text)
+            return None
     print(f'place of the hysteresis: {place}')
-    return placed_parameter_yaml(text, place)
+    return place
 
 
 def _place(

@@ -32,7 +32,7 @@ better than any model of the points as they were measured.
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,7 +48,12 @@ from piezo_ros.identification.dynamics.structure_choice import shape_of
 from piezo_ros.identification.place.hysteresis_place import TimeRecord
 from piezo_ros.identification.place.placed_stage import Factors, Placement, simulate_placed
 from piezo_ros.identification.response.frequency_response import FrequencyResponse
-from piezo_ros.model import HysteresisParameters, MaxwellResistiveCapacitor
+from piezo_ros.model import (
+    DynamicsParameters,
+    HysteresisParameters,
+    LinearDynamics,
+    MaxwellResistiveCapacitor,
+)
 from piezo_ros.series import bridged_series
 
 __all__ = ['LinearisedFit', 'fit_linearised']
@@ -143,6 +148,7 @@ def fit_linearised(
     if best[0] >= without:
         return None
     response = search.linearised(best[1])
+    assert response is not None  # its criterion is finite
     better = fit_dynamics(response, structure='auto', delay_samples=delay_samples)
     if better.model_error > _CLEARLY * fit.model_error:
         return None
@@ -184,13 +190,17 @@ class _Search:
         best = min(
             ((self._criterion_of(before), before) for before in starts),
             key=lambda found: found[0])
-        vector = _vector(best[1])
+        start = best[1]
+        vector = _vector(start)
+        if not math.isfinite(best[0]):
+            return best
         simplex = np.vstack([vector, *(vector + 0.1 * unit for unit in np.eye(vector.size))])
-        found = minimize(
-            lambda changed: self._criterion_of(_changed(best[1], changed)), vector,
-            method='Nelder-Mead', options={
-                'initial_simplex': simplex, 'maxfev': _EVALUATIONS, 'xatol': _TOLERANCE,
-                'fatol': 0.1})
+        options: Any = {
+            'initial_simplex': simplex, 'maxfev': _EVALUATIONS, 'xatol': _TOLERANCE, 'fatol': 0.1}
+
+        def criterion(changed: _Floats) -> float:
+            return self._criterion_of(_changed(start, changed))
+        found = minimize(criterion, vector, method='Nelder-Mead', options=options)
         if found.fun < best[0]:
             best = float(found.fun), _changed(best[1], found.x)
         # The poles are parameters too.
@@ -202,24 +212,31 @@ class _Search:
             RationalProblem.of(self._shape, points, self._delay_samples), effort=COARSE)
         return fit.bayesian_criterion(_LEAST_ERROR)
 
-    def linearised(self, before: Factors) -> FrequencyResponse:
-        """Return the measured points times W_lin/W."""
+    def linearised(self, before: Factors) -> FrequencyResponse | None:
+        """
+        Return the measured points times W_lin/W.
+
+        None where some of them would have been too distorted to be points, with these poles.
+        """
         all_before = Placement(
             tuple(range(len(before.rates_rad_per_s))), tuple(range(len(before.pairs))))
-        linear, true = (
-            self._respond([
-                simulate_placed(
-                    before, placement, self._operator, record.voltage_v,
-                    record.sample_period_s, finest=_GRID)
-                for record in self._records])
-            for placement in (Placement(), all_before))
-        ratio = _at(self._measured, linear) / _at(self._measured, true)
+        true = self._respond([
+            simulate_placed(
+                before, all_before, self._operator, record.voltage_v, record.sample_period_s,
+                finest=_GRID)
+            for record in self._records])
+        linear = _linear(before).sampled_response(
+            self._measured.frequency_hz, self._measured.sample_period_s)
+        ratio = linear / _at(self._measured, true)
+        if not np.isfinite(ratio).all():
+            return None
         return replace(
             self._measured, response=self._measured.response * ratio,
             variance=self._measured.variance * np.abs(ratio)**2)
 
     def _criterion_of(self, before: Factors) -> float:
-        return self.criterion(self.linearised(before))
+        points = self.linearised(before)
+        return math.inf if points is None else self.criterion(points)
 
 
 def _vector(before: Factors) -> _Floats:
@@ -233,8 +250,16 @@ def _changed(before: Factors, vector: _Floats) -> Factors:
     return before._replace(rates_rad_per_s=(values[0],))
 
 
+def _linear(before: Factors) -> LinearDynamics:
+    return LinearDynamics(DynamicsParameters(
+        dynamics='sections', pole_rates_rad_per_s=before.rates_rad_per_s,
+        pole_frequencies_rad_per_s=tuple(omega for omega, _ in before.pairs),
+        pole_damping_ratios=tuple(damping for _, damping in before.pairs),
+        pairs_before_hysteresis=0))
+
+
 def _at(measured: FrequencyResponse, other: FrequencyResponse) -> NDArray[np.complex128]:
-    """Return another response of the same records at the points that were measured."""
+    """Return another response of the same records at the measured points; NaN for none."""
     keys = [
         list(zip(each.frequency_hz.tolist(), each.amplitude.tolist(), each.offset.tolist(),
                  strict=True))
