@@ -40,7 +40,7 @@ from piezo_ros.identification.estimation.covariance import Covariance
 from piezo_ros.identification.response.frequency_response import FrequencyResponse
 
 __all__ = [
-    'COARSE', 'FASTEST', 'RationalFit', 'RationalProblem', 'bootstrapped', 'fit_rational']
+    'COARSE', 'FASTEST', 'Effort', 'RationalFit', 'RationalProblem', 'bootstrapped', 'fit_rational']
 
 FASTEST = 1e4  # over the highest measured frequency: such poles and zeros do not show in the points
 _DAMPING = (1e-4, 1e2)

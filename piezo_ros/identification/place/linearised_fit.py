@@ -40,10 +40,11 @@ from scipy.optimize import minimize
 
 from piezo_ros.identification.dynamics.dynamics_fit import DynamicsFit, fit_dynamics
 from piezo_ros.identification.dynamics.rational_fit import (
-    COARSE,
+    Effort,
     RationalProblem,
     fit_rational,
 )
+from piezo_ros.identification.dynamics.rational_model import Sections
 from piezo_ros.identification.dynamics.structure_choice import shape_of
 from piezo_ros.identification.place.hysteresis_place import TimeRecord
 from piezo_ros.identification.place.placed_stage import Factors, Placement, simulate_placed
@@ -67,6 +68,7 @@ _RATES: Final = 9
 _FREQUENCIES: Final = 6
 _DAMPING_RATIOS: Final = (0.4, 0.8)
 _EVALUATIONS: Final = 40
+_EFFORT: Final = Effort(starts=1, evaluations=20, tolerance=1e-4)
 _TOLERANCE: Final = 2e-3  # of a logarithm
 _GRID: Final = 4  # steps per sample period of the simulation
 
@@ -184,6 +186,7 @@ class _Search:
         self._respond = respond
         self._delay_samples = delay_samples
         self._shape = shape_of(order - 1, order)
+        self._starts: list[Sections] = []
 
     def best_of(self, starts: Iterator[Factors]) -> tuple[float, Factors]:
         """Return the least criterion about the best of some starts, and the poles."""
@@ -209,7 +212,8 @@ class _Search:
     def criterion(self, points: FrequencyResponse) -> float:
         """Return the Bayesian criterion of a model of points."""
         fit = fit_rational(
-            RationalProblem.of(self._shape, points, self._delay_samples), effort=COARSE)
+            RationalProblem.of(self._shape, points, self._delay_samples), self._starts, _EFFORT)
+        self._starts = [fit.sections]  # that of poles which differ by little
         return fit.bayesian_criterion(_LEAST_ERROR)
 
     def linearised(self, before: Factors) -> FrequencyResponse | None:
@@ -227,7 +231,8 @@ class _Search:
             for record in self._records])
         linear = _linear(before).sampled_response(
             self._measured.frequency_hz, self._measured.sample_period_s)
-        ratio = linear / _at(self._measured, true)
+        with np.errstate(invalid='ignore'):
+            ratio = linear / _at(self._measured, true)
         if not np.isfinite(ratio).all():
             return None
         return replace(
