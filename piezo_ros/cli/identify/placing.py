@@ -83,8 +83,23 @@ def linearised(
         respond, delay_samples=options.delay_samples)
     if found is None:
         return fit, response
+    if not _is_borne_out(options, found.fit.parameters, runs):
+        return fit, response
     print(f'{found} explains the points: its effect is taken out of them')
     return found.fit, found.response
+
+
+def _is_borne_out(
+    options: argparse.Namespace, dynamics: DynamicsParameters | None, runs: list[Run],
+) -> bool:
+    """Return whether the records in time too ask for poles before the hysteresis."""
+    if dynamics is None:
+        return False
+    try:
+        place = _place(runs, options, dynamics)
+    except (BagError, ValueError):
+        return False
+    return place.is_decided and bool(place.rates_before or place.pairs_before)
 
 
 def decided_place(
