@@ -159,6 +159,7 @@ def read_accuracy(paths: Iterable[Path]) -> 'ModelAccuracy':
             ('usable_to_hz', dynamics, 'usable_to_hz'),
             ('hysteresis_rms_um', hysteresis, 'residual_rms_um'),
             ('noise_rms_um', hysteresis, 'noise_rms_um'),
+            ('loop_offset_um', hysteresis, 'loop_offset_um'),
         ):
             value = _known_number(path, key, facts)
             if value is not None:

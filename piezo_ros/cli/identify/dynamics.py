@@ -30,7 +30,7 @@ from piezo_ros.cli.identify.common import (
     identify,
     with_picture,
 )
-from piezo_ros.cli.identify.placing import add_place_arguments, decided_place, linearised
+from piezo_ros.cli.identify.placing import add_place_arguments, placed_fit
 from piezo_ros.cli.identify.responses import (
     add_response_arguments,
     add_table_arguments,
@@ -86,11 +86,13 @@ def _make(options: argparse.Namespace, runs: list[Run]) -> Identified:
     fit = fit_dynamics(
         response, maximum_frequency_hz=options.maximum_frequency_hz,
         delay_samples=options.delay_samples, **_structure(options))
-    if fit.candidates:
-        fit, response = linearised(options, fit, response, runs)
+    placed = placed_fit(options, fit, response, runs)
+    fit, response, place = placed.fit, placed.response, placed.place
     _print(fit)
-    place = decided_place(options, fit.parameters, runs)
-    verdict = with_place(fit.validation.verdict, place)
+    for words in placed.words:
+        print(words)
+    verdict = with_place(
+        fit.validation.verdict, place, fit.validation.usable_to_hz, placed.same_to_hz)
     verdict = replace(verdict, reasons=(*verdict.reasons, *_hysteresis_remarks(options, runs)))
     table = options.output.with_suffix(TABLE_SUFFIX)
     text = fit.to_parameter_yaml(response_source(options, runs), {

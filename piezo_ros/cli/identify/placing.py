@@ -15,9 +15,10 @@
 """``piezo identify dynamics --place-from``: which poles are before the hysteresis."""
 
 import argparse
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,15 +27,14 @@ from piezo_ros.bag import BagError, Run, open_recording
 from piezo_ros.bag.recorded_node import recorded_node, recorded_parameters
 from piezo_ros.cli.identify.responses import response_of
 from piezo_ros.cli.shared.bag_options import bag_options
-from piezo_ros.identification.place.hysteresis_place import HysteresisPlace
 from piezo_ros.model import DynamicsParameters, HysteresisParameters
 from piezo_ros.parameters.parameter_file import read_parameter_set
 
-__all__ = ['add_place_arguments', 'decided_place', 'linearised']
+__all__ = ['PlacedFit', 'add_place_arguments', 'placed_fit']
 
 if TYPE_CHECKING:
     from piezo_ros.identification.dynamics.identified_dynamics import DynamicsFit
-    from piezo_ros.identification.place.hysteresis_place import TimeRecord
+    from piezo_ros.identification.place.hysteresis_place import HysteresisPlace, TimeRecord
     from piezo_ros.identification.response.frequency_response import FrequencyResponse
 
 def add_place_arguments(kind: argparse.ArgumentParser) -> None:
@@ -47,12 +47,41 @@ def add_place_arguments(kind: argparse.ArgumentParser) -> None:
         'the bag (default: by the bags of the dynamics, where the hysteresis is known)')
 
 
-def linearised(
+class PlacedFit(NamedTuple):
+    """
+    A model of the dynamics with what is known of the place of the hysteresis.
+
+    Attributes
+    ----------
+    fit : DynamicsFit
+        The model.
+    response : FrequencyResponse
+        The points, without what a hysteresis behind poles does to them where that was found.
+    place : HysteresisPlace or None
+        None where nothing tells it.
+    same_to_hz : float
+        Up to where it does not matter which of its candidates is right.
+    words : tuple of str
+        What to print of it.
+
+    """
+
+    fit: 'DynamicsFit'
+    response: 'FrequencyResponse'
+    place: 'HysteresisPlace | None'
+    words: tuple[str, ...]
+    same_to_hz: float = math.inf
+
+
+def placed_fit(
     options: argparse.Namespace, fit: 'DynamicsFit', response: 'FrequencyResponse',
     runs: list[Run],
-) -> 'tuple[DynamicsFit, FrequencyResponse]':
+) -> PlacedFit:
     """
-    Return model and points without what a hysteresis behind poles does to them, where it shows.
+    Find the place of the hysteresis among the poles.
+
+    Where no model explains the points, poles before the hysteresis may be the reason. Those that
+    explain them are taken if the records in time ask for poles before the hysteresis too.
 
     Parameters
     ----------
@@ -65,63 +94,6 @@ def linearised(
     runs : list of Run
         Where they are from.
 
-    """
-    from piezo_ros.identification.place.linearised_fit import fit_linearised
-    if options.from_response or not runs or any(run.start_index != 0 for run in runs):
-        return fit, response
-    try:
-        hysteresis = _hysteresis(options, runs[0])
-    except BagError:
-        return fit, response
-
-    def respond(displacements_um: 'Sequence[NDArray[np.float64]]') -> 'FrequencyResponse':
-        return response_of(options, [
-            run.with_stream('displacement', displacement_um)
-            for run, displacement_um in zip(runs, displacements_um, strict=True)])
-    found = fit_linearised(
-        fit, response.below(options.maximum_frequency_hz), _time_records(runs), hysteresis,
-        respond, delay_samples=options.delay_samples)
-    if found is None:
-        return fit, response
-    if not _is_borne_out(options, found.fit.parameters, runs):
-        return fit, response
-    print(f'{found} explains the points: its effect is taken out of them')
-    return found.fit, found.response
-
-
-def _is_borne_out(
-    options: argparse.Namespace, dynamics: DynamicsParameters | None, runs: list[Run],
-) -> bool:
-    """Return whether the records in time too ask for poles before the hysteresis."""
-    if dynamics is None:
-        return False
-    try:
-        place = _place(runs, options, dynamics)
-    except (BagError, ValueError):
-        return False
-    return place.is_decided and bool(place.rates_before or place.pairs_before)
-
-
-def decided_place(
-    options: argparse.Namespace, dynamics: DynamicsParameters | None, runs: list[Run],
-) -> 'HysteresisPlace | None':
-    """
-    Return the place of the hysteresis among the poles of the dynamics, and print it.
-
-    Parameters
-    ----------
-    options : argparse.Namespace
-        The arguments of the command.
-    dynamics : DynamicsParameters or None
-        The dynamics; None if nodes cannot have them.
-    runs : list of Run
-        What the dynamics were identified from.
-
-    Returns
-    -------
-    HysteresisPlace or None
-        None where nothing tells it.
-
     Raises
     ------
     BagError
@@ -130,20 +102,82 @@ def decided_place(
         If such bags are too short, or the trajectory node cannot have the dynamics.
 
     """
+    points = response.below(options.maximum_frequency_hz)
+    hysteresis = _known_hysteresis(options, runs)
+    if hysteresis is None:
+        return PlacedFit(fit, response, *_told_place(options, fit.parameters, runs))
+    respond = _respond_of(options, runs)
+    records = _time_records(runs)
+    if fit.candidates:  # the structure is free
+        from piezo_ros.identification.place.linearised_fit import fit_linearised
+        found = fit_linearised(
+            fit, points, records, hysteresis, respond, delay_samples=options.delay_samples)
+        place = _place_in_time(options, found.fit.parameters, runs) if found else None
+        if found and place and place.candidates[0].has_poles_before:
+            place = place.decided_by_points()
+            return PlacedFit(found.fit, found.response, place, (
+                f'{found} explains the points: its effect is taken out of them',
+                f'place of the hysteresis: {place}'))
+    place, words = _told_place(options, fit.parameters, runs)
+    if place is None or place.is_decided:
+        return PlacedFit(fit, response, place, words)
+    from piezo_ros.identification.place.linearised_fit import same_to_hz
+    return PlacedFit(fit, response, place, words, same_to_hz(
+        points, records, hysteresis, respond,
+        [each.before for each in place.candidates if each.has_poles_before]))
+
+
+def _known_hysteresis(
+    options: argparse.Namespace, runs: list[Run],
+) -> HysteresisParameters | None:
+    """Return the hysteresis behind all the points, None where they are not of runs alone."""
+    if options.from_response or not runs or any(run.start_index != 0 for run in runs):
+        return None
+    try:
+        return _hysteresis(options, runs[0])
+    except BagError:
+        return None
+
+
+def _respond_of(
+    options: argparse.Namespace, runs: list[Run],
+) -> 'Callable[[Sequence[NDArray[np.float64]]], FrequencyResponse]':
+    """Return what makes points of other displacements in the same runs."""
+    def respond(displacements_um: 'Sequence[NDArray[np.float64]]') -> 'FrequencyResponse':
+        return response_of(options, [
+            run.with_stream('displacement', displacement_um)
+            for run, displacement_um in zip(runs, displacements_um, strict=True)])
+    return respond
+
+
+def _told_place(
+    options: argparse.Namespace, dynamics: DynamicsParameters | None, runs: list[Run],
+) -> 'tuple[HysteresisPlace | None, tuple[str, ...]]':
+    """Return the place by the bags that are told, else by the runs, and what to print of it."""
     if options.place_from:
         if dynamics is None:
             raise ValueError('--place-from needs dynamics that the trajectory node has')
         place = _place([_read(path, options) for path in options.place_from], options, dynamics)
     elif dynamics is None:
-        return None
+        return None, ()
     else:
         try:
             place = _place(runs, options, dynamics)
         except (BagError, ValueError) as error:
-            print(f'place of the hysteresis: undecided, {error}')
-            return None
-    print(f'place of the hysteresis: {place}')
-    return place
+            return None, (f'place of the hysteresis: undecided, {error}',)
+    return place, (f'place of the hysteresis: {place}',)
+
+
+def _place_in_time(
+    options: argparse.Namespace, dynamics: DynamicsParameters | None, runs: list[Run],
+) -> 'HysteresisPlace | None':
+    """Return the place by the runs, None where they cannot tell it."""
+    if dynamics is None:
+        return None
+    try:
+        return _place(runs, options, dynamics)
+    except (BagError, ValueError):
+        return None
 
 
 def _place(

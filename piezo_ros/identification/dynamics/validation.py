@@ -50,10 +50,10 @@ from piezo_ros.identification.dynamics.structure_choice import (
 from piezo_ros.identification.response.frequency_response import FrequencyResponse
 from piezo_ros.identification.verdict import Verdict
 
-__all__ = ['Validation', 'validate']
+__all__ = ['AGREED_MAGNITUDE', 'AGREED_PHASE', 'Validation', 'validate']
 
-_MAGNITUDE: Final = 0.03
-_PHASE: Final = math.radians(2.0)
+AGREED_MAGNITUDE: Final = 0.03
+AGREED_PHASE: Final = math.radians(2.0)
 _NOISE_ERRORS: Final = 3.0
 _AT_ALL: Final = 1.5  # radius of a region at all frequencies together over that at one
 _BETWEEN: Final = 12  # frequencies from a point to the next one
@@ -170,11 +170,11 @@ def _is_uncertain(
     problem = fit.problem
     scaled = 2.0 * np.pi * grid.ravel() / problem.reference
     value, _ = sampled_response(fit.sections, scaled, problem.sample_period)
-    uncertain = _AT_ALL * radius(grid.ravel()) > _MAGNITUDE * np.abs(value)
+    uncertain = _AT_ALL * radius(grid.ravel()) > AGREED_MAGNITUDE * np.abs(value)
     for rival in rivals:
         other, _ = sampled_response(rival.sections, scaled, problem.sample_period)
         ratio = other / value - 1.0
-        uncertain |= (np.abs(ratio.real) > _MAGNITUDE) | (np.abs(ratio.imag) > _PHASE)
+        uncertain |= (np.abs(ratio.real) > AGREED_MAGNITUDE) | (np.abs(ratio.imag) > AGREED_PHASE)
     return np.asarray(uncertain.reshape(grid.shape).any(axis=1))
 
 
@@ -192,8 +192,8 @@ def _usable_to_hz(
         total = np.convolve(information, np.ones(count), 'valid')
         mean = np.convolve(information * relative, np.ones(count), 'valid') / total
         allowance = _NOISE_ERRORS / np.sqrt(total)
-        apart = (np.abs(mean.real) > _MAGNITUDE + allowance) | (
-            np.abs(mean.imag) > _PHASE + allowance)
+        apart = (np.abs(mean.real) > AGREED_MAGNITUDE + allowance) | (
+            np.abs(mean.imag) > AGREED_PHASE + allowance)
         fails[:apart.size] |= apart
     first = int(np.argmax(fails)) if fails.any() else fails.size
     return float(points.frequency_hz[first - 1]) if first > 0 else 0.0
@@ -202,8 +202,9 @@ def _usable_to_hz(
 def _beyond(points: FrequencyResponse, usable_to_hz: float) -> str:
     after = points.frequency_hz[points.frequency_hz > usable_to_hz]
     return (
-        f'at {float(after[0]):.4g} Hz model and points differ by over {100 * _MAGNITUDE:.0f} % or '
-        f'{math.degrees(_PHASE):.0f} degrees, or the model is that uncertain')
+        f'at {float(after[0]):.4g} Hz model and points differ by over '
+        f'{100 * AGREED_MAGNITUDE:.0f} % or {math.degrees(AGREED_PHASE):.0f} degrees, or the model '
+        'is that uncertain')
 
 
 def _misfit_reasons(

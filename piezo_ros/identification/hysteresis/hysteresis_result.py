@@ -14,8 +14,9 @@
 
 """What an identification of hysteresis hands back: the elements, their errors, the verdict."""
 
+import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +28,10 @@ from piezo_ros.model.hysteresis import HysteresisParameters
 from piezo_ros.model.hysteresis_and_inverse import MaxwellResistiveCapacitor
 
 __all__ = ['Coverage', 'HysteresisFit']
+
+_BEGINNING: Final = 0.1  # of the largest voltage: up to there the stage counts as virgin
+_FEWEST_AT_BEGINNING: Final = 10  # samples
+_HIDDEN: Final = 3.0  # standard errors
 
 _Floats = NDArray[np.float64]
 
@@ -129,6 +134,24 @@ class HysteresisFit:
         """The operator, forward and inverse."""
         return MaxwellResistiveCapacitor.of(self.parameters)
 
+    @property
+    def loop_offset_um(self) -> float:
+        """
+        Displacement by which the loops lie beside those of the model, seen from the virgin stage.
+
+        The offset of the fit is that of the loops. What the stage was off from it before its first
+        loop is what a scan without feedback will be off later. 0 where the noise hides it.
+        """
+        reach_v = _BEGINNING * float(np.max(np.abs(self.voltage_v)))
+        beyond = np.abs(self.voltage_v) > reach_v
+        first = self.residual_um[:int(np.argmax(beyond))]
+        first = first[np.isfinite(first)]
+        if first.size < _FEWEST_AT_BEGINNING:
+            return 0.0
+        offset_um = -float(first.mean())
+        hidden_um = _HIDDEN * self.validation.noise_rms_um / math.sqrt(first.size)
+        return offset_um if abs(offset_um) > hidden_um else 0.0
+
     def to_parameter_yaml(self, *, source: str, sample_period_s: float | None = None) -> str:
         """
         Return a ROS parameter file for the compensator node.
@@ -163,6 +186,6 @@ class HysteresisFit:
             hysteresis_facts(
                 self.validation, self.verdict, rms_um=self.rms_um, samples_used=self.samples_used,
                 samples_lost=self.samples_lost, delay_samples=self.delay_samples,
-                offset_um=self.offset_um,
+                offset_um=self.offset_um, loop_offset_um=self.loop_offset_um,
                 drift_um_per_sample=self.drift_um_per_sample, sample_period_s=sample_period_s,
                 range_v=(self.coverage.minimum_v, self.coverage.maximum_v)))

@@ -84,7 +84,8 @@ def parameter_yaml(
 
 def hysteresis_facts(
     validation: Validation, verdict: Verdict, *, rms_um: float, samples_used: int,
-    samples_lost: int, delay_samples: float, offset_um: float, range_v: tuple[float, float],
+    samples_lost: int, delay_samples: float, offset_um: float, loop_offset_um: float,
+    range_v: tuple[float, float],
     drift_um_per_sample: float = 0.0, sample_period_s: float | None = None,
 ) -> dict[str, Fact]:
     """Return what later steps read of an identification, names with units to values."""
@@ -106,6 +107,7 @@ def hysteresis_facts(
         'drift_um_per_sample': drift_um_per_sample,
         **({} if sample_period_s is None else {'delay_s': delay_samples * sample_period_s}),
         'offset_um': offset_um,
+        'loop_offset_um': loop_offset_um,
         'minimum_v': range_v[0],
         'maximum_v': range_v[1],
     }

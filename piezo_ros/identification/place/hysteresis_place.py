@@ -108,6 +108,18 @@ class Candidate:
     misfit_um: float
     factors: Factors
 
+    @property
+    def has_poles_before(self) -> bool:
+        """Whether any pole is before the hysteresis."""
+        return bool(self.rates_before or self.pairs_before)
+
+    @property
+    def before(self) -> Factors:
+        """The poles before the hysteresis alone, of dc gain 1."""
+        return Factors(
+            1.0, tuple(self.factors.rates_rad_per_s[i] for i in sorted(self.rates_before)),
+            tuple(self.factors.pairs[i] for i in sorted(self.pairs_before)))
+
     def __str__(self) -> str:
         names = [
             *(f'rate {self.factors.rates_rad_per_s[i]:.4g} rad/s'
@@ -146,6 +158,12 @@ class HysteresisPlace:
     misfit_um: float
     displacement_rms_um: float
     spread_percent: float
+
+    def decided_by_points(self) -> 'HysteresisPlace':
+        """Return the best candidate as known, as the response too tells it, if it explains."""
+        if self.misfit_um >= _EXPLAINED * self.displacement_rms_um:
+            return self
+        return replace(self, is_decided=True, candidates=self.candidates[:1])
 
     def __str__(self) -> str:
         best = self.candidates[0]

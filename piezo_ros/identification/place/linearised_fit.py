@@ -46,6 +46,7 @@ from piezo_ros.identification.dynamics.rational_fit import (
 )
 from piezo_ros.identification.dynamics.rational_model import Sections
 from piezo_ros.identification.dynamics.structure_choice import shape_of
+from piezo_ros.identification.dynamics.validation import AGREED_MAGNITUDE, AGREED_PHASE
 from piezo_ros.identification.place.hysteresis_place import TimeRecord
 from piezo_ros.identification.place.placed_stage import Factors, Placement, simulate_placed
 from piezo_ros.identification.response.frequency_response import FrequencyResponse
@@ -57,10 +58,10 @@ from piezo_ros.model import (
 )
 from piezo_ros.series import bridged_series
 
-__all__ = ['LinearisedFit', 'fit_linearised']
+__all__ = ['LinearisedFit', 'fit_linearised', 'same_to_hz']
 
 _LEAST_ERROR: Final = 1e-3  # of a model; less of the response is not explained better
-_CLEARLY: Final = 0.7  # share of the error of the points as measured, below which poles are taken
+_CLEARLY: Final = 0.5  # share of the error of the points as measured, below which poles are taken
 _SMALLEST_ERROR: Final = 2e-3  # of a model of the points as measured, above which poles are tried
 _ORDERS: Final = (3, 6)  # of the model in the search: as chosen for the points, within these
 _HIGHEST: Final = 3.0  # over the highest measured frequency: faster poles do not show
@@ -136,9 +137,7 @@ def fit_linearised(
     if fit.model_error < _SMALLEST_ERROR:
         return None
     search = _Search(
-        measured, [record._replace(voltage_v=bridged_series(record.voltage_v))
-                   for record in records],
-        MaxwellResistiveCapacitor.of(hysteresis), respond, delay_samples,
+        measured, _whole(records), MaxwellResistiveCapacitor.of(hysteresis), respond, delay_samples,
         min(max(fit.orders[1], _ORDERS[0]), _ORDERS[1]))
     without = search.criterion(measured)
     best: tuple[float, Factors] | None = None
@@ -155,6 +154,47 @@ def fit_linearised(
     if better.model_error > _CLEARLY * fit.model_error:
         return None
     return LinearisedFit(better, response, best[1])
+
+
+def same_to_hz(
+    measured: FrequencyResponse, records: Sequence[TimeRecord], hysteresis: HysteresisParameters,
+    respond: _Respond, candidates: Sequence[Factors],
+) -> float:
+    """
+    Return up to where it does not matter which poles are before the hysteresis.
+
+    Parameters
+    ----------
+    measured, records, hysteresis, respond
+        As for `fit_linearised`.
+    candidates : sequence of Factors
+        Poles that may be before the hysteresis; none is one more candidate.
+
+    Returns
+    -------
+    float
+        Hertz: below the first point that one of the candidates changes by more than 3 % or
+        2 degrees; inf if there is none.
+
+    """
+    search = _Search(
+        measured, _whole(records), MaxwellResistiveCapacitor.of(hysteresis), respond, 0.0, 1)
+    same = math.inf
+    for before in candidates:
+        points = search.linearised(before)
+        if points is None:
+            continue
+        ratio = points.response / measured.response
+        changed = (np.abs(np.abs(ratio) - 1.0) > AGREED_MAGNITUDE) | (
+            np.abs(np.angle(ratio)) > AGREED_PHASE)
+        if changed.any():
+            first = int(np.argmax(changed))
+            same = min(same, float(measured.frequency_hz[first - 1]) if first else 0.0)
+    return same
+
+
+def _whole(records: Sequence[TimeRecord]) -> list[TimeRecord]:
+    return [record._replace(voltage_v=bridged_series(record.voltage_v)) for record in records]
 
 
 def _lags(measured: FrequencyResponse) -> Iterator[Factors]:

@@ -25,7 +25,9 @@ __all__ = ['with_place']
 _NAMED_PERCENT: Final = 3.0
 
 
-def with_place(verdict: Verdict, place: HysteresisPlace | None) -> Verdict:
+def with_place(
+    verdict: Verdict, place: HysteresisPlace | None, usable_to_hz: float, same_to_hz: float,
+) -> Verdict:
     """
     Return a verdict that names what is not known of the place, and what it leaves of the record.
 
@@ -35,6 +37,10 @@ def with_place(verdict: Verdict, place: HysteresisPlace | None) -> Verdict:
         On the dynamics, by the points of their response.
     place : HysteresisPlace or None
         The place of the hysteresis; None where nothing tells it.
+    usable_to_hz : float
+        Up to where model and points agree.
+    same_to_hz : float
+        Up to where it does not matter which of the candidates for the place is right.
 
     """
     if place is None:
@@ -49,4 +55,10 @@ def with_place(verdict: Verdict, place: HysteresisPlace | None) -> Verdict:
         remarks.append(
             f'which poles are before the hysteresis is undecided, which changes predictions by '
             f'{place.spread_percent:.2g} %')
+    if same_to_hz < usable_to_hz and not verdict.is_poor:
+        return Verdict.usable_up_to(
+            f'{same_to_hz:.4g} Hz',
+            'above, the model depends by over 3 % or 2 degrees on which poles are before the '
+            'hysteresis, and that is undecided: a second record of another amplitude tells more '
+            '(--place-from)', *verdict.reasons, *remarks)
     return replace(verdict, reasons=(*verdict.reasons, *remarks))

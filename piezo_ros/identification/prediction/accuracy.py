@@ -22,6 +22,8 @@ is lessened by feedback, the part of the error that is due to the hysteresis is:
 
     rms = r sqrt(sum_k |S G/G(0)|^2(k f)/k^2 / sum_k 1/k^2),   k = 1, 3, ... 9
 
+and without integral feedback the offset of the loops besides, as the root of the sum of squares.
+
 Of the predicted error, known part E0, parts of the dynamics Ed and of the hysteresis Eh::
 
     NRMSE = sqrt(E0^2 + Ed^2 + Eh^2)
@@ -77,6 +79,8 @@ class ModelAccuracy:
         Relative error of the dynamics.
     usable_to_hz : float
         Up to where they hold; above, their error is taken as 100 %.
+    loop_offset_um : float
+        How far the loops of a stage that was virgin lie beside those of the model.
 
     """
 
@@ -86,6 +90,7 @@ class ModelAccuracy:
     level_percent: tuple[float, ...] = ()
     model_error: float | None = None
     usable_to_hz: float = math.inf
+    loop_offset_um: float = 0.0
 
     def relative_error(self, frequency_hz: ArrayLike) -> _Floats:
         """Return the relative error of the dynamics at frequencies in hertz, shape (N,)."""

@@ -261,7 +261,9 @@ def predict_tracking(
         ).simulated_nrmse_percent
         for other in others if isinstance(other, RigParameters)]
     return replace(
-        _with_residual(prediction, model, trajectory, known),
+        _with_residual(
+            prediction, model, trajectory, known,
+            has_integral=controller.uses_feedback and controller.integral_gain_per_s > 0.0),
         by_place_percent=tuple(
             percent for percent in (prediction.simulated_nrmse_percent, *by_place)
             if percent is not None) if by_place else ())
@@ -336,13 +338,15 @@ def _feedforward_gain(
 
 def _with_residual(
     prediction: TrackingPrediction, rig: RigParameters, trajectory: TrajectoryParameters,
-    accuracy: ModelAccuracy,
+    accuracy: ModelAccuracy, *, has_integral: bool,
 ) -> TrackingPrediction:
     """Return the prediction with what the hysteresis leaves and with the share of the noise."""
     assert prediction.voltage_maximum_v is not None
     assert prediction.voltage_minimum_v is not None
     amplitude_v = 0.5 * (prediction.voltage_maximum_v - prediction.voltage_minimum_v)
-    residual_um = prediction.residual_gain * accuracy.residual_um(amplitude_v, rig.noise_rms_um)
+    residual_um = math.hypot(
+        prediction.residual_gain * accuracy.residual_um(amplitude_v, rig.noise_rms_um),
+        0.0 if has_integral else accuracy.loop_offset_um)
     percent_per_um = 100.0 / (2.0 * trajectory.amplitude_um)
     return replace(
         prediction, hysteresis_percent=percent_per_um * residual_um,
