@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Final
 from piezo_ros import paper
 from piezo_ros.cli.shared.exit_codes import EXIT_FAILED, EXIT_POOR, EXIT_USAGE
 from piezo_ros.control import TrajectoryParameters
-from piezo_ros.control.feedforward import PERIODIC
+from piezo_ros.control.shapes.fourier_series import PERIODIC
 from piezo_ros.experiment.model_file import (
     identified_facts,
     poor_verdict,

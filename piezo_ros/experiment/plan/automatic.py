@@ -24,7 +24,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Final
 
 from piezo_ros.control import ControllerParameters, TrajectoryParameters
-from piezo_ros.control.feedforward import PERIODIC
+from piezo_ros.control.shapes.fourier_series import PERIODIC
 from piezo_ros.model import (
     DynamicsParameters,
     HysteresisParameters,
