@@ -66,6 +66,7 @@ from piezo_ros.identification.prediction.placement import placements
 from piezo_ros.identification.tuning.linear_plant import Bound, Model, bound_magnitude
 from piezo_ros.identification.tuning.pi_loop import PiLoop
 from piezo_ros.model import HysteresisParameters, LinearDynamics, RigParameters
+from piezo_ros.model.effects.load import average_slew
 
 __all__ = ['TrackingPrediction', 'predict_tracking']
 
@@ -108,8 +109,9 @@ class TrackingPrediction:
     slew_v_per_s, voltage_minimum_v, voltage_maximum_v : float or None
         Fastest change and extremes of the voltage that the simulated run asks for, the extremes as
         deviations from the operating point; None without a rig.
-    slew_limited, rail_limited : bool
-        Whether the amplifier cannot follow; false without a rig.
+    slew_limited, rail_limited, average_limited : bool
+        Whether the amplifier cannot follow, the last one for its average current; false without a
+        rig.
     model_percent, hysteresis_percent : float
         The parts that are due to the errors of the dynamics and of the hysteresis as far as
         identification tells them.
@@ -140,6 +142,7 @@ class TrackingPrediction:
     voltage_maximum_v: float | None = None
     slew_limited: bool = False
     rail_limited: bool = False
+    average_limited: bool = False
     model_percent: float = 0.0
     hysteresis_percent: float = 0.0
     noise_percent: float = 0.0
@@ -174,8 +177,8 @@ class TrackingPrediction:
 
     @property
     def is_limited(self) -> bool:
-        """Whether the amplifier reaches its slew limit or a rail."""
-        return self.slew_limited or self.rail_limited
+        """Whether the amplifier reaches its slew limit, its average current or a rail."""
+        return self.slew_limited or self.rail_limited or self.average_limited
 
     def record(self) -> dict[str, float | bool | list[float] | list[str] | None]:
         """Return every number under its name, for report.json and tables."""
@@ -196,6 +199,7 @@ class TrackingPrediction:
             'slew_v_per_s': self.slew_v_per_s,
             'slew_limited': self.slew_limited,
             'rail_limited': self.rail_limited,
+            'average_limited': self.average_limited,
         }
 
 
@@ -400,4 +404,6 @@ def _with_simulation(
         voltage_minimum_v=float(voltage.min()),
         voltage_maximum_v=float(voltage.max()),
         slew_limited=0.0 < rig.slew_limit_v_per_s * (1.0 + _SLEW_TOLERANCE) < slew,
-        rail_limited=bool(voltage.min() < low or voltage.max() > high))
+        rail_limited=bool(voltage.min() < low or voltage.max() > high),
+        average_limited=0.0 < rig.average_slew_limit_v_per_s * (1.0 + _SLEW_TOLERANCE) < float(
+            np.max(average_slew(voltage, rig.average_slew_time_s, period_s))))

@@ -35,12 +35,15 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from piezo_ros.model.parameters import ParameterSet, parameter
 from piezo_ros.model.step import Vector, step
 
 __all__ = [
     'NO_LOAD', 'STATE_SIZE', 'LoadConstants', 'LoadParameters', 'allowed_voltage',
-    'heat_step', 'load_constants', 'warm_step',
+    'average_slew', 'heat_step', 'load_constants', 'warm_step',
 ]
 
 _MS_PER_S = 1e3
@@ -98,6 +101,34 @@ def load_constants(parameters: LoadParameters, sample_period_s: float) -> LoadCo
         averaged_samples=max(p.average_slew_time_s / sample_period_s, 1.0),
         gain_per_um2=p.self_heating_gain / (_MS_PER_S * sample_period_s) ** 2,
         heat_rate=-math.expm1(-sample_period_s / p.self_heating_time_s))
+
+
+def average_slew(
+    voltage_v: NDArray[np.float64], average_s: float, sample_period_s: float,
+) -> NDArray[np.float64]:
+    """
+    Return the mean absolute slope of a voltage as an amplifier averages it.
+
+    Parameters
+    ----------
+    voltage_v : ndarray, shape (N,)
+        The voltage, in steady state: before its first sample it has been as it is on the whole.
+    average_s : float
+        Time over which the amplifier averages, seconds.
+    sample_period_s : float
+        Sample period, seconds.
+
+    Returns
+    -------
+    ndarray, shape (N - 1,)
+        Volts per second.
+
+    """
+    from scipy.signal import lfilter  # here: every node of the loop imports this module
+    slope = np.abs(np.diff(voltage_v)) / sample_period_s
+    rate = min(sample_period_s / average_s, 1.0)
+    mean = float(slope.mean())
+    return np.asarray(lfilter([rate], [1.0, rate - 1.0], slope, zi=[(1.0 - rate) * mean])[0])
 
 
 @step
