@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""``piezo bag``: what is in a bag, what can be saved of it, its samples as a table or as a motion."""
+"""``piezo bag``: what is in a bag, what can be saved of it, its samples as a table or a motion."""
 
 import argparse
 import math

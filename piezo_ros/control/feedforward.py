@@ -26,8 +26,8 @@ Here the sum is evaluated as a polynomial in z = exp(2 pi i f t)::
     u_ff = Im(sum over odd k <= m of U_k z^k),   U_k = A_k / G(i w_k)
 
 G is any stable model with its delay. The plain inverse of G(s) would be unstable where zeros are in
-the right half plane. A waveform with even harmonics (a sawtooth) has them in the sum. The offset y_0
-adds y_0/G(0), a lissajous axis counts the angle by its own periods.
+the right half plane. A waveform with even harmonics (a sawtooth) has them in the sum. The offset
+y_0 adds y_0/G(0), a lissajous axis counts the angle by its own periods.
 
 A spiral grows: to g t e^(i w t), as the real system answers to t e^(i w t) by
 (t G(i w) + G'(i w)) e^(i w t), belongs

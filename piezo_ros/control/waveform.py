@@ -376,7 +376,7 @@ def abrupt_step(constants: WaveformConstants, turns: float) -> float:
     period = math.floor(cycle)
     phase = cycle - period
     shape = constants.shape
-    if shape == SINE or shape == LISSAJOUS or shape == SPIRAL:
+    if shape in (SINE, LISSAJOUS, SPIRAL):
         value = math.sin(TURN_RAD * phase)
     elif shape == STAIRCASE:
         value = staircase_step(

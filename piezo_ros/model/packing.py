@@ -135,8 +135,8 @@ def unpacked_rig(
     """Return state and constants of a rig as views of its memory."""
     elements, order_before, order_behind = int(memory[0]), int(memory[1]), int(memory[2])
     at = (
-        12 + STATE_SIZE + order_before + state_size(elements) + order_behind + int(memory[3]) + int(memory[4])
-        + max(order_before, order_behind))
+        12 + STATE_SIZE + order_before + state_size(elements) + order_behind + int(memory[3])
+        + int(memory[4]) + max(order_before, order_behind))
     state = unpacked_state(memory)
     dac = _converter_at(memory, at)
     slew_step_v = memory[at + 4]

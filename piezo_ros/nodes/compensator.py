@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The compensator: linearised command in, voltage out, through the inverse MRC model, the inverse creep before it."""
+"""The compensator: linearised command in, voltage out, through the inverse creep and MRC model."""
 
 from piezo_ros.model import CompensatorParameters, InverseHysteresis
 from piezo_ros.runtime.node.answering import AnsweringNode
@@ -32,12 +32,12 @@ class Compensator(AnsweringNode):
 
     def configure(self) -> None:
         """Read the hysteresis, and the creep, to invert."""
-        self._parameters = read(self, CompensatorParameters)
+        self._inverted = read(self, CompensatorParameters)
 
     def make_element(self) -> InverseHysteresis:
         """Return the inverse of a virgin stage."""
         self._inverse = InverseHysteresis(
-            self._parameters, self.settings.sample_period_s, compiled=self.settings.compiled)
+            self._inverted, self.settings.sample_period_s, compiled=self.settings.compiled)
         return self._inverse
 
     def relayed(self) -> InverseHysteresis | None:

@@ -67,7 +67,7 @@ def add_kind(kinds: Any) -> None:
 def _read(recording: Recording, start: int, stop: int) -> ReducedRun:
     run = _CreepRun(*reduced_run(
         recording, start, stop, virgin=True, every=max((stop - start) // _MOST_POINTS, 1),
-        rest_first=start == 0))
+        answered=True))
     trajectory = recorded_node(recording, 'trajectory', anywhere=True) or {}
     if trajectory.get('output') != 'voltage' and recorded_node(
             recording, 'compensator', anywhere=True) is not None:

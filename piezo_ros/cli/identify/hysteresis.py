@@ -99,7 +99,7 @@ def _positive(text: str) -> int:
 
 def reduced_run(
     recording: Recording, start: int, stop: int, *, virgin: bool, every: int,
-    rest_first: bool = False,
+    answered: bool = False,
 ) -> ReducedRun:
     """
     Read voltage and displacement of a part of a recording block by block.
@@ -112,8 +112,9 @@ def reduced_run(
         First sample, and one past the last.
     virgin, every
         As for `record_of_blocks`.
-    rest_first : bool, optional
-        Whether to put a sample at 0 V before the first, of which the displacement is not known.
+    answered : bool, optional
+        Whether to pair each displacement with the voltage that it answers, that of the sample
+        before; before the first sample of a run that is 0 V.
 
     Raises
     ------
@@ -122,18 +123,25 @@ def reduced_run(
 
     """
     lost = list(recording.lost)
+    last_v = np.zeros(1)
 
     def blocks() -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64]]]:
-        if rest_first:
-            yield np.zeros(1), np.full(1, np.nan)
+        nonlocal last_v
         for first in range(start, stop, _BLOCK_SAMPLES):
             run = recording.part(
                 first, min(first + _BLOCK_SAMPLES, stop), streams=('voltage', 'displacement'))
             lost.extend(sentence for sentence in run.lost if sentence not in lost)
-            yield run.voltage_v, run.displacement_um[:run.voltage_v.size]
+            voltage_v = run.voltage_v
+            if answered:
+                if first == start and start + recording.start_index > 0:
+                    last_v = voltage_v[:1]
+                before_v = last_v
+                last_v = voltage_v[-1:]
+                voltage_v = np.concatenate([before_v, voltage_v[:-1]])
+            yield voltage_v, run.displacement_um[:voltage_v.size]
     try:
         record = record_of_blocks(
-            blocks(), stop - start + rest_first, virgin=virgin, every=every)
+            blocks(), stop - start, virgin=virgin, every=every)
     except ValueError as error:
         raise ValueError(f'{recording.path}: {error}') from None
     return ReducedRun(recording.path, recording.sample_period_s, tuple(lost), record)

@@ -93,7 +93,8 @@ def fourier_amplitudes(waveform: WaveformParameters, harmonics: int) -> _Floats:
             * np.sinc(k * shape.turn) * sines)
     if name == 'staircase':
         stairs = waveform.stairs
-        smooth = _smooth_step(np.pi * k * waveform.turn_fraction / (4.0 * stairs))
+        smooth = _smooth_step(np.asarray(
+            np.pi * k * waveform.turn_fraction / (4.0 * stairs), dtype=np.float64))
         # Where the quotient is 0/0, at multiples of 4 n, k is even.
         quotient = _quarter_sines(k) / np.where(k % 2, np.sin(k * np.pi / (4.0 * stairs)), 1.0)
         return np.asarray(amplitude_um * 2.0 / (np.pi * k * stairs) * quotient * smooth)

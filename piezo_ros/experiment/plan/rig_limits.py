@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the runs of a plan ask of its rig: travel, rails, slew and average current, before anything is driven."""
+"""What the runs of a plan ask of its rig before anything is driven: travel, voltage, current."""
 
 from dataclasses import dataclass
 

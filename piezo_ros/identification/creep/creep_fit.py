@@ -15,15 +15,15 @@
 """
 Creep out of a record, by the operator of `piezo_ros.model.creep`.
 
-With K columns X_i that the displacement would have without creep (one for each held voltage, or the
-one of a known hysteresis), their relaxations P_ij with the time constants tau_j, and C_i the mean of
-P_ij over the decades from t_start to t_end times their number::
+With K columns X_i that the displacement would have without creep (one for each held voltage, or
+the one of a known hysteresis), their relaxations P_ij with the time constants tau_j, and q the
+ratio of two of these::
 
     y = a + v t + sum_i b_i (X_i + c C_i),   C_i = log10(q) sum_j P_ij
     P_ij <- P_ij + (1 - exp(-dt/tau_j)) (X_i - P_ij)
 
-Levels b_i, share c, offset a and drift v are fitted by least squares; t_start and t_end are those of
-a grid of half decades that leave least. Standard errors are those of the fit times the root of
+Levels b_i, share c, offset a and drift v are fitted by least squares; t_start and t_end are those
+of a grid of half decades that leave least. Standard errors are those of the fit times the root of
 (1 + r)/(1 - r), r being the correlation of successive residuals; to that of c is added what other
 times t_start and t_end would make of it.
 """
@@ -56,6 +56,7 @@ _SIGNIFICANT: Final = 3.0  # standard errors
 _GOOD_PERCENT: Final = 80.0
 _BEYOND: Final = 2  # half decades beyond the record, in which the creep may go on
 _RESOLVED: Final = 4.0  # points in the shortest time constant of a moved stage
+_TIME_ERROR: Final = 0.25 / math.sqrt(12.0)  # decades, of a time on a grid of half decades
 _LEFT_SHARE: Final = 0.3  # of the creep, beyond the noise, from which the model class is doubtful
 _POOR_PERCENT: Final = 50.0
 _MEANS: Final = 20  # of what is held out, so that noise does not hide the creep
@@ -126,10 +127,10 @@ class CreepFit:
             'model format_version: 1', 'creep, identified by piezo_ros', f'source: {source}',
             f'verdict: {self.verdict}',
             f'share per decade: {p.creep_per_decade:.5g} +- {self.standard_error:.2g}',
-            f'drift beside it: {1e3 * self.drift_um_per_s:.4g} +- '
-            f'{1e3 * self.drift_standard_error_um_per_s:.2g} nm/s (no model inverts it)',
+            (f'drift beside it: {1e3 * self.drift_um_per_s:.4g} +- '
+             f'{1e3 * self.drift_standard_error_um_per_s:.2g} nm/s (no model inverts it)'),
             'with feedback that has an integral part it is not needed: load it for the scheme ff']
-        facts = {
+        facts: dict[str, float | int | str] = {
             'verdict': str(self.verdict), 'creep_standard_error': self.standard_error,
             'drift_um_per_s': self.drift_um_per_s,
             'drift_standard_error_um_per_s': self.drift_standard_error_um_per_s,
@@ -137,7 +138,9 @@ class CreepFit:
             'noise_rms_um': self.noise_rms_um, 'held_out_percent': self.held_out_percent,
             'points': self.points, 'method': self.method}
         text = [f'# {line}' for line in lines]
-        for node, values in (('compensator', p.to_mapping()), ('identified_creep', facts)):
+        for node, values in (
+                ('compensator', {name: float(getattr(p, name)) for name in p.names()}),
+                ('identified_creep', facts)):
             text += [f'/**/{node}:', '  ros__parameters:', *(
                 f'    {name}: {yaml_value(value)}' for name, value in values.items())]
         return '\n'.join([*text, ''])
@@ -223,20 +226,12 @@ def fit_creep(
         (each for each, cost in zip(candidates, costs, strict=True) if cost <= least),
         key=lambda each: (each[1], each[0]))
     is_open = bool(high >= longest)
-
-    def spread(pairs: list[tuple[int, int]]) -> float:
-        shares = [
-            float(_solved(points, creep_of(*each), used).theta[points.columns.shape[1]])
-            for each in pairs if each in candidates]
-        return max(shares) - min(shares)
-
-    # When it begins is known to a half decade, and how long it goes on beyond the record not at
-    # all: what that makes of the share is an error of it.
-    ends = stops[-1 - _BEYOND:].tolist() if is_open else [high]
-    of_times = math.hypot(
-        spread([(low, stop) for stop in ends]) / math.sqrt(12.0),
-        0.25 * spread([(start, high) for start in (low - 1, low, low + 1)]),
-        0.25 * spread([(low, stop) for stop in (high - 1, high, high + 1)]) * (not is_open))
+    # How long it goes on beyond the record is not known: what that makes of the share is an error.
+    shares = [
+        float(_solved(points, creep_of(low, stop), used).theta[points.columns.shape[1]])
+        for stop in (stops[-1 - _BEYOND:].tolist() if is_open else [high])]
+    of_grid = _TIME_ERROR * abs(shares[-1]) * math.sqrt(2 - is_open) * _PER_DECADE / (high - low)
+    of_times = math.hypot((max(shares) - min(shares)) / math.sqrt(12.0), of_grid)
     creep = creep_of(low, high)
     return _result(
         points, creep, _solved(points, creep, used), used,
@@ -255,8 +250,8 @@ def _result(
     residual = points.displacement_um[used] - solution.predicted_um[used]
     weighted = root * residual
     freedom = max(int(used.sum()) - solution.theta.size, 1)
-    correlation = min(max(float(
-        weighted[1:] @ weighted[:-1] / max(weighted @ weighted, 1e-300)), 0.0), _MOST_CORRELATION)
+    correlation = float(weighted[1:] @ weighted[:-1]) / max(float(weighted @ weighted), 1e-300)
+    correlation = min(max(correlation, 0.0), _MOST_CORRELATION)
     variance = solution.cost / freedom * (1.0 + correlation) / (1.0 - correlation)
     errors = Covariance.of(solution.jacobian, variance).standard_errors(
         np.eye(solution.theta.size))
@@ -415,7 +410,7 @@ def _points(
         changed = np.array([0])
     if hysteresis is not None:
         still_um, _ = MaxwellResistiveCapacitor.of(hysteresis).forward(voltage_v)
-        # The reading is of the sample before, and the stage lags: a little of the slope is added.
+        # The stage lags: a little of the slope is added.
         return _Points(
             time_s, record.displacement_um, weight, still_um[:, None], np.column_stack([
                 time_s - time_s[0], np.ones(time_s.size), np.gradient(still_um, time_s)]),

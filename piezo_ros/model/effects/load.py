@@ -15,16 +15,16 @@
 """
 What driving the stage hard does: the average current of the amplifier, and self-heating.
 
-An amplifier gives its peak current for some milliseconds only. With the mean m of the slope of its
-output, leaky with the time constant T_a, a slope s is allowed as far as m stays within its limit L::
+An amplifier gives its peak current for some milliseconds only. With the leaky mean m of the slope
+of its output, of the time constant T_a, a slope s is allowed as far as m keeps its limit L::
 
     m <- m + (Ts/T_a)(|s| - m),   |s| <= m + (T_a/Ts)(L - m)
 
 so that a slope up to L is allowed for ever, and s > L for about T_a ln(s/(s - L)) from rest.
 
 A stage warms by its losses, and its gain grows with its temperature. With the speed v of the
-displacement, its mean square h, leaky with the time constant T_h, and the gain e at a mean square of
-1 (um/ms)^2::
+displacement, the leaky mean h of its square, of the time constant T_h, and the growth e of the gain
+at a mean square of 1 (um/ms)^2::
 
     h <- h + (1 - exp(-Ts/T_h)) (v^2 - h),   x <- (1 + min(e h, 1)) x
 
