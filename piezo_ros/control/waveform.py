@@ -20,8 +20,8 @@ With n = f Ts k, the periods since the start, and the phase p = n - floor(n)::
     triangle             4 p  (p < 1/4),   2 - 4 p  (p < 3/4),   4 p - 4
     sine                 sin(2 pi p)
     decreasing_triangle  triangle times max(0, 1 - floor(n) / periods)
-    lissajous            sin(2 pi (c n + phase)),   c the cycles of its axis, phase that of axis y
-    spiral               n/periods times sin(2 pi p) (axis x) or cos(2 pi p) (axis y)
+    lissajous            sin(2 pi (c n + phase)),   c the cycles of its axis, phase that of axis 2
+    spiral               n/periods times sin(2 pi p) (axis 1) or cos(2 pi p) (axis 2)
 
 A triangle with parabolic turns, the sawtooth and the staircase are in
 `piezo_ros.control.shapes.periodic_shapes`. To each times the amplitude the offset is added, and in
@@ -117,13 +117,14 @@ class WaveformParameters(ParameterSet):
         0.1, '', 'share of the period in which a sawtooth goes back', minimum=0.01, maximum=0.99)
     stairs: int = parameter(
         8, '', 'steps of a staircase from its middle to its peak', minimum=1, maximum=10**6)
-    axis: str = parameter(
-        'x', '', 'axis of a lissajous figure or a spiral', choices=('x', 'y'))
+    # A number, as a bare y in a parameter file is a truth value for ROS.
+    axis: int = parameter(
+        1, '', 'axis of a lissajous figure or a spiral: 1 is x, 2 is y', minimum=1, maximum=2)
     lissajous_cycles: tuple[float, ...] = parameter(
-        (1.0, 2.0), '', 'periods of the axes x and y in a period of the whole lissajous figure, '
+        (1.0, 2.0), '', 'periods of axes 1 and 2 in a period of the whole lissajous figure, '
         'that of frequency_hz', minimum=1.0, maximum=1e6)
     lissajous_phase: float = parameter(
-        0.0, '', 'phase of the axis y of a lissajous figure at its start, in turns',
+        0.0, '', 'phase of axis 2 of a lissajous figure at its start, in turns',
         minimum=-1.0, maximum=1.0)
     frequencies_hz: tuple[float, ...] = parameter(
         (100.0, 200.0, 500.0, 1000.0), 'Hz',
@@ -163,7 +164,7 @@ class WaveformParameters(ParameterSet):
         cycles = self.lissajous_cycles
         if len(cycles) != 2 or not all(each.is_integer() for each in cycles):
             raise ParameterError(
-                f'lissajous_cycles is {list(cycles)}, it must be two integers, of the axes x and y')
+                f'lissajous_cycles is {list(cycles)}, it must be two integers, of axes 1 and 2')
         nyquist_hz = 0.5 / self.sample_period_s
         # A stepped sine has frequencies of its own.
         if self.waveform != 'stepped_sine' and self.fundamental_hz >= nyquist_hz:
@@ -193,7 +194,7 @@ class WaveformParameters(ParameterSet):
     @property
     def cycles(self) -> float:
         """Periods of the axis in a period of the waveform: those of a lissajous figure, else 1."""
-        return self.lissajous_cycles[self.axis == 'y'] if self.waveform == 'lissajous' else 1.0
+        return self.lissajous_cycles[self.axis - 1] if self.waveform == 'lissajous' else 1.0
 
     @property
     def fundamental_hz(self) -> float:
@@ -319,7 +320,7 @@ def waveform_constants(parameters: WaveformParameters) -> WaveformConstants:
 
 
 def _phase(parameters: WaveformParameters) -> float:
-    if parameters.axis == 'x':
+    if parameters.axis == 1:
         return 0.0
     return {'lissajous': parameters.lissajous_phase, 'spiral': 0.25}.get(parameters.waveform, 0.0)
 

@@ -26,10 +26,10 @@ PERIODIC = st.sampled_from([
     {'waveform': 'triangle', 'offset_um': -2.5, 'turn_fraction': 0.2},
     {'waveform': 'sawtooth', 'offset_um': 1.0}, {'waveform': 'sawtooth', 'turn_fraction': 1.0},
     {'waveform': 'staircase', 'turn_fraction': 0.3, 'harmonics': 5}, {'waveform': 'staircase'},
-    {'waveform': 'lissajous', 'axis': 'y', 'lissajous_cycles': (2.0, 3.0),
+    {'waveform': 'lissajous', 'axis': 2, 'lissajous_cycles': (2.0, 3.0),
      'lissajous_phase': 0.25}])
 ANY = PERIODIC | st.sampled_from([
-    {'waveform': 'spiral', 'axis': 'x'}, {'waveform': 'spiral', 'axis': 'y', 'offset_um': 0.5},
+    {'waveform': 'spiral', 'axis': 1}, {'waveform': 'spiral', 'axis': 2, 'offset_um': 0.5},
     {'waveform': 'decreasing_triangle', 'offset_um': 0.5, 'turn_fraction': 0.5}])
 # What a scan is likely to have: 1000, 200, 320 samples and more that one or several periods take.
 REPEATED_HZ = st.sampled_from([50.0, 300.0, 312.5, 500.0, 700.0, 1250.0])

@@ -112,7 +112,7 @@ def test_a_sharp_staircase_has_the_series_of_its_jumps():
     {'waveform': 'sawtooth', 'harmonics': 20, 'flyback_fraction': 0.3, 'turn_fraction': 0.3},
     {'waveform': 'triangle', 'harmonics': 15, 'turn_fraction': 0.2},
     {'waveform': 'staircase', 'harmonics': 41, 'stairs': 3, 'turn_fraction': 1.0},
-    {'waveform': 'lissajous', 'harmonics': 1, 'axis': 'y', 'lissajous_phase': 0.1},
+    {'waveform': 'lissajous', 'harmonics': 1, 'axis': 2, 'lissajous_phase': 0.1},
 ])
 def test_through_the_model_the_feedforward_becomes_the_truncated_waveform(values):
     frequency_hz, samples, model = 100.0, 1000, LinearDynamics()
@@ -127,7 +127,7 @@ def test_through_the_model_the_feedforward_becomes_the_truncated_waveform(values
     np.testing.assert_allclose(through, np.fft.irfft(wanted, samples), atol=2e-5)
 
 
-@pytest.mark.parametrize('axis', ['x', 'y'])
+@pytest.mark.parametrize('axis', [1, 2])
 def test_the_feedforward_of_a_spiral_is_exact_while_it_grows(axis):
     spiral = TrajectoryParameters(
         waveform='spiral', axis=axis, frequency_hz=500.0, periods=10.0, amplitude_um=2.0,
@@ -149,7 +149,7 @@ def test_the_feedforward_of_a_spiral_is_exact_while_it_grows(axis):
 def test_the_axes_of_a_lissajous_figure_close_together():
     figure = {'waveform': 'lissajous', 'frequency_hz': 10.0, 'lissajous_cycles': (5.0, 6.0),
               'periods': 2.0, 'amplitude_um': 1.5}
-    x_um, y_um = (streams(scan(axis=axis, **figure))[0] for axis in 'xy')
+    x_um, y_um = (streams(scan(axis=axis, **figure))[0] for axis in (1, 2))
     turns = np.arange(20_000) / 10_000
     np.testing.assert_allclose(x_um, 1.5 * np.sin(2 * np.pi * 5 * turns), atol=1e-9)
     np.testing.assert_allclose(y_um, 1.5 * np.sin(2 * np.pi * 6 * turns), atol=1e-9)
@@ -158,7 +158,7 @@ def test_the_axes_of_a_lissajous_figure_close_together():
 
 def test_the_two_axes_of_a_spiral_are_a_quarter_turn_apart():
     x_um, y_um = (streams(scan(
-        waveform='spiral', axis=axis, frequency_hz=100.0, periods=4.0))[0] for axis in 'xy')
+        waveform='spiral', axis=axis, frequency_hz=100.0, periods=4.0))[0] for axis in (1, 2))
     radius_um = np.hypot(x_um, y_um)
     np.testing.assert_allclose(radius_um, np.arange(4000) / 4000, atol=1e-12)
 
@@ -181,11 +181,11 @@ def test_an_offset_moves_every_waveform_and_its_feedforward(waveform):
     ({'turn_fraction': 1.5}, 'turn_fraction is 1.5, allowed is 0 … 1'),
     ({'waveform': 'sawtooth', 'flyback_fraction': 0.0}, 'flyback_fraction is 0.0, allowed is 0.01'),
     ({'waveform': 'staircase', 'stairs': 0}, 'stairs is 0, allowed is 1'),
-    ({'waveform': 'spiral', 'axis': 'z'}, "axis is 'z', allowed are x, y"),
+    ({'waveform': 'spiral', 'axis': 3}, 'axis is 3, allowed is 1 … 2'),
     ({'waveform': 'lissajous', 'lissajous_cycles': (1.0,)}, 'it must be two integers'),
     ({'waveform': 'lissajous', 'lissajous_cycles': (1.5, 2.0)}, 'it must be two integers'),
-    ({'waveform': 'lissajous', 'axis': 'y', 'lissajous_cycles': (1.0, 200.0)},
-     r'frequency_hz is 300.0 Hz \(of axis y: 60000 Hz\), it must be below the Nyquist'),
+    ({'waveform': 'lissajous', 'axis': 2, 'lissajous_cycles': (1.0, 200.0)},
+     r'frequency_hz is 300.0 Hz \(of axis 2: 60000 Hz\), it must be below the Nyquist'),
     ({'waveform': 'sawtooth', 'harmonics': 200}, 'harmonic 200 of 300 Hz is at 60000 Hz'),
     ({'waveform': 'triangle', 'offset_um': float('nan')}, 'offset_um is nan'),
 ])
