@@ -14,6 +14,7 @@
 
 """``piezo identify creep``: a bag to a parameter file of the compensator."""
 
+import pytest
 import yaml
 
 from piezo_ros.cli.main import main
@@ -44,6 +45,7 @@ def test_creep_of_a_long_step_is_identified_and_its_file_loads(tmp_path, capsys)
     assert (code, 'exists; --force replaces it' in capsys.readouterr().err) == (2, True)
 
 
+@pytest.mark.slow
 def test_a_bag_that_cannot_tell_is_named(tmp_path, capsys):
     path = tmp_path / 'plan.yaml'
     path.write_text(
