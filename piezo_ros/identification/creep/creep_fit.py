@@ -35,22 +35,18 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from piezo_ros.identification.creep.creep_points import CreepPoints, creep_points
 from piezo_ros.identification.estimation.covariance import Covariance
 from piezo_ros.identification.hysteresis.records import Record
 from piezo_ros.identification.verdict import Verdict
 from piezo_ros.identification.yaml_text import yaml_value
 from piezo_ros.model.creep import CreepParameters
 from piezo_ros.model.hysteresis import HysteresisParameters
-from piezo_ros.model.hysteresis_and_inverse import MaxwellResistiveCapacitor
 
 __all__ = ['CreepFit', 'fit_creep']
 
 _PER_DECADE: Final = 2  # as the operator has
 _HALF_DECADE: Final = 10.0**0.5
-_SAME_VOLTAGE: Final = 1e-4  # of the span: smaller changes from sample to sample are none
-_LEVEL_RANGE: Final = 1e-2  # of the span, within one held voltage
-_MOST_LEVELS: Final = 100
-_HELD_SHARE: Final = 0.5  # of the record, from which the held voltages are enough
 _LEAST_DECADES: Final = 1.0
 _SIGNIFICANT: Final = 3.0  # standard errors
 _GOOD_PERCENT: Final = 80.0
@@ -147,20 +143,6 @@ class CreepFit:
 
 
 @dataclass(frozen=True)
-class _Points:
-    """What is fitted: times, measured displacement, its weight, and the columns without creep."""
-
-    time_s: _Floats  # (N,)
-    displacement_um: _Floats
-    weight: _Floats
-    columns: _Floats  # (N, K)
-    beside: _Floats  # (N, B) drift, and what else is fitted linearly
-    method: str
-    changed: int  # point at which the voltage first moves
-    last_change: int
-
-
-@dataclass(frozen=True)
 class _Solution:
     """A least squares fit with given time constants."""
 
@@ -197,7 +179,7 @@ def fit_creep(
         If the voltage is neither held nor a hysteresis given, or the record is too short.
 
     """
-    points = _points(record, sample_period_s, hysteresis, settle_s, is_settled)
+    points = creep_points(record, sample_period_s, hysteresis, settle_s, is_settled)
     span_s = float(points.time_s[-1] - points.time_s[points.changed])
     first_s = _first_time_s(points)
     if not first_s < span_s / _HALF_DECADE:
@@ -240,7 +222,7 @@ def fit_creep(
 
 
 def _result(
-    points: _Points, creep: _Floats, solution: _Solution, used: NDArray[np.bool_],
+    points: CreepPoints, creep: _Floats, solution: _Solution, used: NDArray[np.bool_],
     times_s: tuple[float, float], span_s: float, first_s: float, *, of_times: float,
     is_open: bool,
 ) -> CreepFit:
@@ -308,7 +290,7 @@ def _verdict(
 
 
 def _held_out_percent(
-    points: _Points, creep: _Floats, used: NDArray[np.bool_], creep_end_s: float,
+    points: CreepPoints, creep: _Floats, used: NDArray[np.bool_], creep_end_s: float,
 ) -> float:
     """Return how much of the creep in its last half decade a fit without it predicts, percent."""
     begin_s = points.time_s[points.last_change]
@@ -338,7 +320,7 @@ def _means(values: _Floats) -> _Floats:
     return np.array([part.mean() for part in np.array_split(values, min(_MEANS, values.size))])
 
 
-def _solved(points: _Points, creep: _Floats, used: NDArray[np.bool_]) -> _Solution:
+def _solved(points: CreepPoints, creep: _Floats, used: NDArray[np.bool_]) -> _Solution:
     """Fit levels, share, drift and offset with the given time constants."""
     root = np.sqrt(np.where(used, points.weight, 0.0))[:, None]
     levels = points.columns.shape[1]
@@ -367,7 +349,7 @@ def _solved(points: _Points, creep: _Floats, used: NDArray[np.bool_]) -> _Soluti
 
 
 def _relaxations(
-    points: _Points, time_constants_s: _Floats, is_settled: bool,
+    points: CreepPoints, time_constants_s: _Floats, is_settled: bool,
 ) -> _Floats:
     """Return the relaxations of each column with each time constant, shape (N, K, J)."""
     columns = points.columns
@@ -380,7 +362,7 @@ def _relaxations(
     return relaxed
 
 
-def _first_time_s(points: _Points) -> float:
+def _first_time_s(points: CreepPoints) -> float:
     """Return the time after the last change at which the first point that is used lies."""
     used = points.weight > 0.0
     after = np.flatnonzero(used & (np.arange(used.size) > points.last_change))
@@ -389,77 +371,3 @@ def _first_time_s(points: _Points) -> float:
     spacing_s = float(np.median(np.diff(points.time_s)))
     return max(
         float(points.time_s[after[0]] - points.time_s[points.last_change]), _RESOLVED * spacing_s)
-
-
-def _points(
-    record: Record, sample_period_s: float, hysteresis: HysteresisParameters | None,
-    settle_s: float, is_settled: bool,
-) -> _Points:
-    voltage_v, time_s = record.voltage_v, record.index * sample_period_s
-    weight = np.where(record.measured, record.weight, 0.0)
-    if voltage_v.size < 20:
-        raise ValueError(f'the record has {voltage_v.size} points, at least 20 are needed')
-    span_v = float(np.ptp(np.append(voltage_v, [] if is_settled else 0.0)))
-    if span_v == 0.0:
-        raise ValueError(
-            f'the voltage is {voltage_v[0]:g} V from first to last: creep follows a change of it')
-    moves = np.abs(np.diff(voltage_v, prepend=voltage_v[0] if is_settled else 0.0)) > (
-        _SAME_VOLTAGE * span_v)
-    changed = np.flatnonzero(moves)
-    if not changed.size:
-        changed = np.array([0])
-    if hysteresis is not None:
-        still_um, _ = MaxwellResistiveCapacitor.of(hysteresis).forward(voltage_v)
-        # The stage lags: a little of the slope is added.
-        return _Points(
-            time_s, record.displacement_um, weight, still_um[:, None], np.column_stack([
-                time_s - time_s[0], np.ones(time_s.size), np.gradient(still_um, time_s)]),
-            'the known hysteresis', int(changed[0]), int(changed[0]))
-    return _held_points(
-        record, time_s, weight, moves, settle_s, span_v, is_settled=is_settled)
-
-
-def _held_points(
-    record: Record, time_s: _Floats, weight: _Floats, moves: NDArray[np.bool_], settle_s: float,
-    span_v: float, *, is_settled: bool,
-) -> _Points:
-    """Return a column for each held voltage, points of moves and of settling left out."""
-    voltage_v = record.voltage_v
-    starts = np.unique(np.concatenate([[0], np.flatnonzero(moves)]))
-    stops = np.append(starts[1:], voltage_v.size)
-    held = [
-        (int(start), int(stop)) for start, stop in zip(starts, stops, strict=True)
-        if time_s[stop - 1] - time_s[start] > 2.0 * settle_s
-        and np.ptp(voltage_v[start:stop]) <= _LEVEL_RANGE * span_v]
-    share = sum(time_s[stop - 1] - time_s[start] for start, stop in held) / (
-        time_s[-1] - time_s[0])
-    if share < _HELD_SHARE or len(held) > _MOST_LEVELS:
-        raise ValueError(
-            f'the voltage is held for {100.0 * share:.0f} % of the record at {len(held)} levels; '
-            f'allowed is {100.0 * _HELD_SHARE:.0f} % at least and {_MOST_LEVELS} levels at most, '
-            'or tell the hysteresis (--compensator FILE)')
-    used = np.zeros(voltage_v.size, dtype=bool)
-    levels_v, corner, at = [], [], []
-    for start, stop in held:
-        part = np.arange(start, stop)
-        used[part[time_s[part] - time_s[start] >= (settle_s if start else 0.0)]] = True
-        levels_v.append(float(np.median(voltage_v[part])))
-        corner += [start, stop - 1]
-        at += [len(levels_v) - 1] * 2
-    rest_v = levels_v[0] if is_settled else 0.0
-    begins_at_rest = abs(levels_v[0] - rest_v) <= _LEVEL_RANGE * span_v and held[0][0] == 0
-    # Between two held voltages the stage moves from one level to the other, in proportion.
-    columns = np.column_stack([
-        np.interp(np.arange(voltage_v.size), corner, np.equal(at, level).astype(np.float64))
-        for level in range(len(held))])
-    if begins_at_rest:
-        columns = columns[:, 1:]
-    if not columns.shape[1]:
-        raise ValueError('the voltage is held at rest only: creep follows a change of it')
-    first = held[1][0] if begins_at_rest else held[0][0]
-    method = f'{columns.shape[1]} held voltages' + (
-        '' if begins_at_rest else ', the displacement at rest being 0')
-    return _Points(
-        time_s, record.displacement_um, np.where(used, weight, 0.0), columns,
-        np.column_stack([time_s - time_s[0]] + [np.ones(time_s.size)] * begins_at_rest), method,
-        first, held[-1][0])
