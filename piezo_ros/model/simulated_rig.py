@@ -131,10 +131,14 @@ class Rig:
         return float(self._state.drive_v[0])
 
     @property
-    def saturated_samples(self) -> tuple[int, int, int]:
-        """How many voltages were beyond a rail, the slew limit, and the average current."""
-        return (
-            int(self._state.drive_v[1]), int(self._state.drive_v[2]), int(self._state.load[1]))
+    def saturated_samples(self) -> tuple[int, int]:
+        """How many voltages were beyond a rail, and how many beyond the slew limit."""
+        return int(self._state.drive_v[1]), int(self._state.drive_v[2])
+
+    @property
+    def average_current_samples(self) -> int:
+        """How many voltages were beyond the average current of the amplifier."""
+        return int(self._state.load[1])
 
     def measure(self) -> float:
         """Return the reading at the present index, micrometres; the rig does not move."""

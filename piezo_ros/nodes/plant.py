@@ -185,10 +185,11 @@ class Plant(AnsweringNode):
 
     def counts(self) -> dict[str, int]:
         """Return the counts of every node, those of the pace, and of what the drive cannot do."""
-        rail, slew, average = self._kept.saturated_samples
+        rail, slew = self._kept.saturated_samples
         return {
             **super().counts(), 'overruns': self._paced.overruns if self._paced else 0,
-            'rail_samples': rail, 'slew_samples': slew, 'average_current_samples': average}
+            'rail_samples': rail, 'slew_samples': slew,
+            'average_current_samples': self._kept.average_current_samples}
 
     def status_fields(self) -> dict[str, Any]:
         """Return the voltage that the rig is driven with and how long the run took."""

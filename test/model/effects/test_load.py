@@ -43,7 +43,7 @@ def test_a_slope_within_the_average_is_kept_up_for_ever():
     voltage_v = triangle_v(8900.0)
     driven, rig = driven_v(voltage_v, average_slew_limit_v_per_s=9000.0)
     np.testing.assert_allclose(driven, voltage_v, rtol=0, atol=1e-12)
-    assert rig.saturated_samples == (0, 0, 0)
+    assert (rig.saturated_samples, rig.average_current_samples) == ((0, 0), 0)
 
 
 def test_the_peak_lasts_as_long_as_the_time_constant_allows_then_the_average_is_left():
@@ -55,7 +55,7 @@ def test_the_peak_lasts_as_long_as_the_time_constant_allows_then_the_average_is_
     full = int(np.sum(steps > 0.999 * 0.18))
     assert full * PERIOD_S == pytest.approx(2e-3 * np.log(2.0), rel=0.02)
     np.testing.assert_allclose(steps[full + 1:], 0.09, rtol=1e-9)
-    assert rig.saturated_samples[2] == 399 - full
+    assert rig.average_current_samples == 399 - full
 
 
 def test_the_gain_grows_with_the_mean_square_speed():
@@ -80,6 +80,7 @@ def test_python_and_compiled_code_have_the_same_bits(values):
         for compiled in (False, True))
     assert ours.run(voltage_v).tobytes() == theirs.run(voltage_v).tobytes()
     assert ours.saturated_samples == theirs.saturated_samples
+    assert ours.average_current_samples == theirs.average_current_samples
     assert ours.state == theirs.state
 
 
