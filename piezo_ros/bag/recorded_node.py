@@ -66,13 +66,15 @@ def recorded_node(
     return run.parameters[nodes[0]] if len(nodes) == 1 else None
 
 
-def recorded_parameters(run: Run, role: str, parameter_set: type[_Set]) -> _Set:
+def recorded_parameters(
+    run: Run | Recording, role: str, parameter_set: type[_Set],
+) -> _Set:
     """
     Return the parameters that a node had in a run.
 
     Parameters
     ----------
-    run : Run
+    run : Run or Recording
         The run.
     role : str
         What the node is: one of `NODE_PARAMETERS`, whatever its name.

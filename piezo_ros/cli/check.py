@@ -30,7 +30,7 @@ examples:
   piezo check plant                              the plant that runs, alone, in this domain
   piezo check plant --start my_driver --port 3   start my_driver afresh for every fault
   piezo check controller --namespace rig_a --sample-period-s 1e-4
-  piezo check config/experiments/demo.yaml       travel, rails and slew of a plan
+  piezo check config/experiments/demo.yaml       travel, rails, slew, average current of a plan
 
 A plant is driven with a sine of --amplitude around its operating point, for some 150 samples.
 Blocks that must be refused are sent in between, NaN among them: a driver that takes them drives

@@ -60,7 +60,9 @@ def predicted_points(
     plant = _told(options.plant, 'plant', RigParameters)
     scan = read_parameter_set(options.model, 'trajectory', TrajectoryParameters, {
         'sample_period_s': period_s, 'frequency_hz': min(_DEFAULT_SCAN_HZ, highest_hz)}).replaced(
-            waveform=options.waveform, sample_period_s=period_s)
+            waveform=options.waveform, sample_period_s=period_s, **{
+                name: getattr(options, name) for name in ('offset_um', 'turn_fraction')
+                if getattr(options, name) is not None})
     if not place_is_told(read_parameter_file(options.model, ['trajectory'])['trajectory']):
         scan = likely_place(scan)
     controller = ControllerParameters(
@@ -71,10 +73,11 @@ def predicted_points(
     amplitudes_um = options.amplitudes_um or [
         _rounded(share * plant.reach_um) for share in _SHARES_OF_REACH]
     for amplitude_um in amplitudes_um:
-        if not 0.0 < amplitude_um <= plant.reach_um:
+        if not 0.0 < amplitude_um <= plant.reach_um - abs(scan.offset_um):
+            beside = f', beside the offset of {scan.offset_um:g} um' if scan.offset_um else ''
             raise ValueError(
-                f'--amplitudes-um has {amplitude_um:g}, allowed is above 0 … {plant.reach_um:g} um '
-                '(the reach of the stage)')
+                f'--amplitudes-um has {amplitude_um:g}, allowed is above 0 … '
+                f'{plant.reach_um - abs(scan.offset_um):g} um (the reach of the stage{beside})')
     frequencies_hz = options.frequencies_hz or _default_frequencies_hz(tuning, highest_hz)
     for frequency_hz in frequencies_hz:
         if not 0.0 < frequency_hz < 0.5 / period_s:

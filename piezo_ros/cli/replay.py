@@ -23,6 +23,7 @@ from piezo_ros.bag import BagError, read
 from piezo_ros.cli.shared.bag_options import add_bag_options, bag_options
 from piezo_ros.control import SCHEMES, ControllerParameters
 from piezo_ros.model import (
+    CompensatorParameters,
     DynamicsParameters,
     HysteresisParameters,
     ParameterSet,
@@ -71,7 +72,7 @@ def _replay(options: argparse.Namespace) -> int:
         result = replay(
             run, scheme=options.scheme,
             controller=_replaced(options.controller, 'controller', ControllerParameters),
-            compensator=_replaced(options.compensator, 'compensator', HysteresisParameters),
+            compensator=_replaced(options.compensator, 'compensator', CompensatorParameters),
             plant=_replaced(options.plant, 'plant', RigParameters),
             hysteresis=_model(options.compensator, 'compensator', HysteresisParameters),
             dynamics=_model(options.trajectory, 'trajectory', DynamicsParameters))

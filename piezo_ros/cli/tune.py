@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Final
 from piezo_ros import paper
 from piezo_ros.cli.shared.exit_codes import EXIT_FAILED, EXIT_POOR, EXIT_USAGE
 from piezo_ros.control import TrajectoryParameters
-from piezo_ros.control.feedforward import PERIODIC
+from piezo_ros.control.shapes.fourier_series import PERIODIC
 from piezo_ros.experiment.model_file import (
     identified_facts,
     poor_verdict,
@@ -110,6 +110,11 @@ def _add_operating_points(parser: argparse.ArgumentParser) -> None:
         help='data sheet of the rig: rails, slew limit, travel (default: that of the paper)')
     group.add_argument(
         '--waveform', choices=PERIODIC, default='triangle', help='(default: triangle)')
+    for name, unit, what in (
+            ('offset-um', 'Y', 'mean of the waveform'),
+            ('turn-fraction', 'SHARE', 'share of its lines that is spent in turns')):
+        parser.add_argument(
+            f'--{name}', type=float, metavar=unit, help=f'{what} (default: as in MODEL, else 0)')
     group.add_argument(
         '--amplitudes-um', type=float, nargs='+', metavar='A',
         help='peak amplitudes (default: 1/12 … 5/12 of the reach)')

@@ -104,7 +104,7 @@ def simulate(
     plant : RigParameters
         The rig.
     compensator : HysteresisParameters
-        The hysteresis that the compensator inverts.
+        The hysteresis that the compensator inverts; of `CompensatorParameters` the creep too.
     controller : ControllerParameters
         Gains and scheme.
     trajectory : TrajectoryParameters
@@ -155,7 +155,7 @@ def run_loop(
     plant : RigParameters
         The rig, at rest and never driven.
     compensator : HysteresisParameters
-        The hysteresis that the compensator inverts.
+        The hysteresis that the compensator inverts; of `CompensatorParameters` the creep too.
     law : ControllerParameters
         Gains and scheme.
     sample_period_s : float
@@ -171,17 +171,18 @@ def run_loop(
         Every stream of the run.
 
     """
-    from piezo_ros.control.kernels import closed_loop, creeping_closed_loop
+    from piezo_ros.control.kernels import closed_loop, full_closed_loop
     samples = reference_um.size
     rig = Rig(plant, sample_period_s)
     controller = PiController(law, sample_period_s)
-    inverse = InverseHysteresis(compensator)
+    inverse = InverseHysteresis(compensator, sample_period_s)
     run = ClosedLoopRun(
         np.array(reference_um), np.array(feedforward_um), np.empty(samples), np.empty(samples),
         np.empty(samples + 1))
     run.displacement_um[0] = rig.measure()
     noise = unit_noise(plant.seed, 0, samples + 1)
-    kernel = creeping_closed_loop if rig.constants.creep else closed_loop
+    is_full = rig.constants.creep is not None or inverse.inverts_creep
+    kernel = full_closed_loop if is_full else closed_loop
     for start, stop, piece in segments(law, changes, samples):
         controller.change(piece, bumpless=start > 0)
         kernel(controller.memory, inverse.memory, rig.memory, noise, run, start, stop)

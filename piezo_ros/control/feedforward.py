@@ -26,7 +26,13 @@ Here the sum is evaluated as a polynomial in z = exp(2 pi i f t)::
     u_ff = Im(sum over odd k <= m of U_k z^k),   U_k = A_k / G(i w_k)
 
 G is any stable model with its delay. The plain inverse of G(s) would be unstable where zeros are in
-the right half plane.
+the right half plane. A waveform with even harmonics (a sawtooth) has them in the sum. The offset
+y_0 adds y_0/G(0), a lissajous axis counts the angle by its own periods.
+
+A spiral grows: to g t e^(i w t), as the real system answers to t e^(i w t) by
+(t G(i w) + G'(i w)) e^(i w t), belongs
+
+    u_ff = Im(g (t - G'(i w)/G(i w))/G(i w) e^(i w t)),   G' = dG/ds
 """
 
 import math
@@ -35,24 +41,30 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from piezo_ros.control.waveform import TURN_RAD, WaveformParameters
+from piezo_ros.control.shapes.fourier_series import (
+    PERIODIC,
+    fourier_amplitudes,
+    odd_harmonics_only,
+)
+from piezo_ros.control.waveform import (
+    TURN_RAD,
+    WAVEFORMS,
+    WaveformParameters,
+    waveform_constants,
+)
 from piezo_ros.model.dynamics import LinearDynamics
 from piezo_ros.model.parameters import ParameterError
 from piezo_ros.model.step import step
 
 __all__ = [
-    'PERIODIC',
     'FeedforwardConstants',
     'feedforward_constants',
     'feedforward_step',
-    'fourier_amplitudes',
-    'mean_square_um2',
     'usual_harmonics',
 ]
 
-# Mean square of the waveforms that have a Fourier series here, for an amplitude of 1.
-_MEAN_SQUARE: Final = {'triangle': 1.0 / 3.0, 'sine': 0.5}
-PERIODIC: Final = tuple(_MEAN_SQUARE)
+_SPIRAL: Final = WAVEFORMS[9]
+_DIFFERENCE: Final = 1e-5  # of the frequency, for the derivative of the response
 # Of the dc gain: what is less can hardly be inverted, and its model is a guess.
 _LEAST_GAIN: Final = 1e-6
 _USUAL_HARMONICS: Final = 9
@@ -60,70 +72,20 @@ _USUAL_HARMONICS: Final = 9
 
 class FeedforwardConstants(NamedTuple):
     """
-    The odd harmonics U_k = A_k/G(i w_k), k = 1, 3, 5 …; lists in a node, arrays in a kernel.
+    The harmonics U_k = A_k/G(i w_k), k = 1, 3, 5 … or 1, 2, 3 …; lists in a node, else arrays.
 
     Without harmonics (no Fourier series) the feedforward is the reference times ``dc_inverse``.
     """
 
-    real_um: Any  # (ceil(m / 2),)
-    imaginary_um: Any  # (ceil(m / 2),)
+    real_um: Any  # (ceil(m / 2),), or (m,) with the even ones
+    imaginary_um: Any  # as well
     dc_inverse: float
-
-
-def fourier_amplitudes(
-    waveform: str, amplitude_um: float, harmonics: int,
-) -> NDArray[np.float64]:
-    """
-    Return the sine coefficients A_k of a waveform, k = 1 … harmonics, (11) in Liu 2015.
-
-    Parameters
-    ----------
-    waveform : str
-        ``'triangle'`` or ``'sine'``.
-    amplitude_um : float
-        Peak amplitude, micrometres.
-    harmonics : int
-        Highest harmonic m.
-
-    Returns
-    -------
-    ndarray, shape (harmonics,)
-        ``A_k``, micrometres; the even ones are zero.
-
-    Raises
-    ------
-    ParameterError
-        If the waveform has no Fourier series here.
-
-    Examples
-    --------
-    >>> [round(a, 4) for a in fourier_amplitudes('triangle', 1.0, 5).tolist()]
-    [0.8106, 0.0, -0.0901, 0.0, 0.0324]
-
-    """
-    k = np.arange(1, harmonics + 1)
-    if waveform == 'triangle':
-        # sin(k pi/2) is 0, 1, 0, -1 exactly, not to rounding.
-        signs = np.array([0.0, 1.0, 0.0, -1.0])[k % 4]
-        return np.asarray(amplitude_um * 8.0 / (k * np.pi) ** 2 * signs)
-    if waveform == 'sine':
-        return np.where(k == 1, amplitude_um, 0.0)
-    raise ParameterError(f'waveform {waveform!r} is not periodic, harmonics must be 0')
-
-
-def mean_square_um2(waveform: str, amplitude_um: float) -> float:
-    """
-    Return the mean square of a periodic waveform, half the sum of its A_k squared.
-
-    Parameters
-    ----------
-    waveform : str
-        One of `PERIODIC`.
-    amplitude_um : float
-        Peak amplitude, micrometres.
-
-    """
-    return _MEAN_SQUARE[waveform] * amplitude_um**2
+    has_even: bool = False  # whether the even harmonics are listed too
+    mean_um: float = 0.0  # for the offset
+    cycles: float = 1.0  # of the axis in a period
+    phase: float = 0.0  # of the axis at the start, in turns
+    growth_real_um: float = 0.0  # of a spiral, for each turn
+    growth_imaginary_um: float = 0.0
 
 
 def feedforward_constants(
@@ -155,26 +117,51 @@ def feedforward_constants(
     dc_inverse = 1.0 / model.dc_gain
     if harmonics == 0:
         return FeedforwardConstants([], [], dc_inverse)
-    odd = np.arange(1, harmonics + 1, 2)
+    has_even = waveform.waveform in PERIODIC and not odd_harmonics_only(waveform)
+    order = np.arange(1, harmonics + 1, 1 if has_even else 2)
     nyquist_hz = 0.5 / waveform.sample_period_s
-    highest_hz = float(odd[-1]) * waveform.frequency_hz
+    highest_hz = float(order[-1]) * waveform.fundamental_hz
     if highest_hz >= nyquist_hz:
         raise ParameterError(
-            f'harmonics is {harmonics}: harmonic {odd[-1]} of {waveform.frequency_hz:g} Hz is at '
-            f'{highest_hz:g} Hz, it must be below the Nyquist frequency {nyquist_hz:g} Hz')
-    amplitudes = fourier_amplitudes(waveform.waveform, waveform.amplitude_um, harmonics)[odd - 1]
-    frequency_hz = np.asarray(odd * waveform.frequency_hz, dtype=np.float64)
+            f'harmonics is {harmonics}: harmonic {order[-1]} of {waveform.fundamental_hz:g} Hz is '
+            f'at {highest_hz:g} Hz, it must be below the Nyquist frequency {nyquist_hz:g} Hz')
+    if waveform.waveform == _SPIRAL:
+        order, amplitudes = order[:1], np.array([waveform.amplitude_um])
+    else:
+        amplitudes = fourier_amplitudes(waveform, harmonics)[order - 1]
+    frequency_hz = np.asarray(order * waveform.fundamental_hz, dtype=np.float64)
     response = _inverted_response(model, frequency_hz, waveform.sample_period_s, sampled)
     small = ~_is_invertible(response, model) & (amplitudes != 0.0)
     if small.any():
         first = int(np.flatnonzero(small)[0])
         raise ParameterError(
-            f'harmonics is {harmonics}: at harmonic {odd[first]} of {waveform.frequency_hz:g} Hz, '
+            f'harmonics is {harmonics}: at harmonic {order[first]} of '
+            f'{waveform.fundamental_hz:g} Hz, '
             f'{frequency_hz[first]:g} Hz, the model has the gain {abs(response[first]):.3g}, it '
             f'must be {_LEAST_GAIN * model.dc_gain:.3g} at least ({_LEAST_GAIN:g} of the dc gain) '
             'to be inverted')
     u = amplitudes / np.where(amplitudes != 0.0, response, 1.0)
-    return FeedforwardConstants(u.real.tolist(), u.imag.tolist(), dc_inverse)
+    constants = waveform_constants(waveform)
+    growth = 0j
+    if waveform.waveform == _SPIRAL:
+        growth = complex(u[0]) * constants.growth_per_turn
+        # A turn takes 1/f: t is measured in turns, and G' is by s/f.
+        u = np.array([-growth * waveform.frequency_hz * _slope_of_response(
+            model, waveform, sampled) / complex(response[0])])
+    return FeedforwardConstants(
+        u.real.tolist(), u.imag.tolist(), dc_inverse, has_even,
+        dc_inverse * constants.offset, constants.cycles, constants.phase, growth.real, growth.imag)
+
+
+def _slope_of_response(
+    model: LinearDynamics, waveform: WaveformParameters, sampled: bool,
+) -> complex:
+    """Return dG/ds at the frequency of a waveform, seconds."""
+    width_hz = _DIFFERENCE * waveform.frequency_hz
+    below, above = _inverted_response(
+        model, waveform.frequency_hz + np.array([-width_hz, width_hz]), waveform.sample_period_s,
+        sampled).tolist()
+    return complex((above - below) / (2.0 * width_hz * TURN_RAD * 1j))
 
 
 def usual_harmonics(
@@ -192,18 +179,25 @@ def usual_harmonics(
     -------
     int
         9, or as many as there are below the Nyquist frequency and below the first at which the
-        model has hardly any gain; 0 for a waveform without Fourier series.
+        model has hardly any gain; 1 for a spiral; 0 for a waveform without Fourier series, and for
+        a staircase, of which 9 would make a triangle.
 
     """
-    if waveform.waveform not in PERIODIC:
+    if waveform.waveform == _SPIRAL:
+        return 1
+    if waveform.waveform not in PERIODIC or waveform.waveform == 'staircase':
         return 0
-    odd = np.arange(1, _USUAL_HARMONICS + 1, 2)
-    odd = odd[odd * waveform.frequency_hz < 0.5 / waveform.sample_period_s]
-    frequency_hz = np.asarray(odd * waveform.frequency_hz, dtype=np.float64)
+    order = np.arange(1, _USUAL_HARMONICS + 1)
+    if odd_harmonics_only(waveform):
+        order = order[::2]
+    order = order[order * waveform.fundamental_hz < 0.5 / waveform.sample_period_s]
+    frequency_hz = np.asarray(order * waveform.fundamental_hz, dtype=np.float64)
     response = _inverted_response(model, frequency_hz, waveform.sample_period_s, sampled)
-    used = fourier_amplitudes(waveform.waveform, 1.0, _USUAL_HARMONICS)[odd - 1] != 0.0
+    used = fourier_amplitudes(waveform, _USUAL_HARMONICS)[order - 1] != 0.0
     refused = np.flatnonzero(~_is_invertible(response, model) & used)
-    return int(odd[-1]) if not refused.size else max(2 * int(refused[0]) - 1, 0)
+    if not refused.size:
+        return int(order[-1])
+    return int(order[refused[0] - 1]) if refused[0] else 0
 
 
 def _inverted_response(
@@ -224,22 +218,30 @@ def _is_invertible(
 @step
 def feedforward_step(constants: FeedforwardConstants, turns: float, reference_um: float) -> float:
     """
-    Return u_ff of (13) without its soft start: Im(sum over odd k of U_k z^k), z = exp(i w t).
+    Return u_ff of (13) without its soft start: Im(sum of U_k z^k), z = exp(i w t).
 
-    Horner's scheme in z^2 needs one sine and one cosine for all harmonics.
+    Horner's scheme, in z^2 where all k are odd, needs one sine and one cosine for all harmonics.
     """
     harmonics = len(constants.real_um)
     if harmonics == 0:
         return constants.dc_inverse * reference_um
-    angle_rad = TURN_RAD * (turns - math.floor(turns))
+    cycle = constants.cycles * turns + constants.phase
+    angle_rad = TURN_RAD * (cycle - math.floor(cycle))
     cosine = math.cos(angle_rad)
     sine = math.sin(angle_rad)
-    square_real = cosine * cosine - sine * sine
-    square_imaginary = 2.0 * cosine * sine
+    factor_real = cosine * cosine - sine * sine
+    factor_imaginary = 2.0 * cosine * sine
+    if constants.has_even:
+        factor_real = cosine
+        factor_imaginary = sine
     real = 0.0
     imaginary = 0.0
     for j in range(harmonics - 1, -1, -1):
-        carried = real * square_real - imaginary * square_imaginary + constants.real_um[j]
-        imaginary = real * square_imaginary + imaginary * square_real + constants.imaginary_um[j]
+        carried = real * factor_real - imaginary * factor_imaginary + constants.real_um[j]
+        imaginary = real * factor_imaginary + imaginary * factor_real + constants.imaginary_um[j]
         real = carried
-    return real * sine + imaginary * cosine
+    if constants.growth_real_um != 0.0:
+        real += constants.growth_real_um * turns
+        imaginary += constants.growth_imaginary_um * turns
+    value_um = real * sine + imaginary * cosine
+    return value_um + constants.mean_um if constants.mean_um != 0.0 else value_um

@@ -20,16 +20,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from piezo_ros.control import controller, packing, trajectory
-from piezo_ros.model import hysteresis, rig
+from piezo_ros.model import creep, hysteresis, rig
 from piezo_ros.model import packing as model_packing
 from piezo_ros.model.compiled import brief_kernel, kernel
 from piezo_ros.model.step import step
 
-__all__ = ['closed_loop', 'controller_array', 'creeping_closed_loop', 'trajectory_array']
+__all__ = ['closed_loop', 'controller_array', 'full_closed_loop', 'trajectory_array']
 
 _controller_step = controller.controller_step
 _compensation_step = hysteresis.compensation_step
+_inverse_creep_step = creep.inverse_creep_step
 _packed_creep = model_packing.packed_creep
+_packed_inverse_creep = model_packing.packed_inverse_creep
+_packed_load = model_packing.packed_load
 _sample_step = rig.sample_step
 _trajectory_step = trajectory.trajectory_step
 _unpacked_controller = packing.unpacked_controller
@@ -62,8 +65,8 @@ def controller_array(
 
 @step
 def _close_loop(
-    controller_memory: Any, inverse_memory: Any, rig_state: Any, rig_constants: Any, noise: Any,
-    run: Any, start: int, stop: int,
+    controller_memory: Any, inverse_memory: Any, relaxed_um: Any, inverse_creep: Any,
+    rig_state: Any, rig_constants: Any, noise: Any, run: Any, start: int, stop: int,
 ) -> None:
     controller_state, controller_constants = _unpacked_controller(controller_memory)
     inverse_state, inverse_constants = _unpacked_inverse(inverse_memory)
@@ -72,7 +75,9 @@ def _close_loop(
         command_um = _controller_step(
             controller_state, controller_constants, k, run.reference_um[k], run.feedforward_um[k],
             measured_um)
-        voltage_v = _compensation_step(inverse_state, inverse_constants, command_um)
+        voltage_v = _compensation_step(
+            inverse_state, inverse_constants,
+            _inverse_creep_step(relaxed_um, inverse_creep, command_um))
         measured_um = _sample_step(rig_state, rig_constants, voltage_v, noise[k + 1])
         run.command_um[k] = command_um
         run.voltage_v[k] = voltage_v
@@ -85,15 +90,21 @@ def closed_loop(
     rig_memory: NDArray[np.float64], noise: NDArray[np.float64], run: Any, start: int, stop: int,
 ) -> None:
     """Close the loop from one sample to another, over what a run has before it in its arrays."""
-    state, constants = _unpacked_rig(rig_memory, None)
-    _close_loop(controller_memory, inverse_memory, state, constants, noise, run, start, stop)
+    state, constants = _unpacked_rig(rig_memory, None, None)
+    _close_loop(
+        controller_memory, inverse_memory, inverse_memory[0:0], None, state, constants, noise, run,
+        start, stop)
 
 
 @kernel
-def creeping_closed_loop(
+def full_closed_loop(
     controller_memory: NDArray[np.float64], inverse_memory: NDArray[np.float64],
     rig_memory: NDArray[np.float64], noise: NDArray[np.float64], run: Any, start: int, stop: int,
 ) -> None:
-    """Do as `closed_loop` around a rig with creep or drift."""
-    state, constants = _unpacked_rig(rig_memory, _packed_creep(rig_memory))
-    _close_loop(controller_memory, inverse_memory, state, constants, noise, run, start, stop)
+    """Do as `closed_loop` where a rig has effects of its own, or the inverse model has creep."""
+    state, constants = _unpacked_rig(
+        rig_memory, _packed_creep(rig_memory), _packed_load(rig_memory))
+    relaxed_um, inverse_creep = _packed_inverse_creep(inverse_memory)
+    _close_loop(
+        controller_memory, inverse_memory, relaxed_um, inverse_creep, state, constants, noise, run,
+        start, stop)

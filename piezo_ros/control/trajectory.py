@@ -46,11 +46,12 @@ from piezo_ros.control.waveform import (
     excitation_of,
     motion_of,
     ramp_step,
+    soft_table_step,
     turns_step,
     waveform_constants,
 )
 from piezo_ros.model.dynamics import DynamicsParameters, LinearDynamics
-from piezo_ros.model.parameters import parameter
+from piezo_ros.model.parameters import ParameterError, parameter
 from piezo_ros.model.step import step
 
 __all__ = [
@@ -130,6 +131,10 @@ def trajectory_constants(parameters: TrajectoryParameters) -> TrajectoryConstant
         motion = motion_of(parameters)
         table = motion.reference_um.tolist()
         if motion.command_um is not None:
+            if parameters.offset_um:
+                raise ParameterError(
+                    f'{parameters.file}: it has commands, which belong to its own reference: '
+                    f'offset_um is {parameters.offset_um} um, allowed is 0')
             commands = motion.command_um.tolist()
         first_repeated = motion.first_repeated
     return TrajectoryConstants(
@@ -156,10 +161,12 @@ def _repetition(parameters: WaveformParameters) -> int:
 def trajectory_step(constants: TrajectoryConstants, index: int) -> tuple[float, float]:
     """Return reference and feedforward of one sample, micrometres."""
     if len(constants.table) > 0:
-        index = place_step(len(constants.table), constants.first_repeated, index)
-        reference_um = constants.table[index]
+        place = place_step(len(constants.table), constants.first_repeated, index)
+        reference_um = constants.table[place]
         if len(constants.table_feedforward_um) > 0:
-            return reference_um, constants.table_feedforward_um[index]
+            return reference_um, constants.table_feedforward_um[place]
+        reference_um = soft_table_step(
+            constants.waveform, turns_step(constants.waveform, index), reference_um)
         return reference_um, constants.feedforward.dc_inverse * reference_um
     waveform = constants.waveform
     factor = ramp_step(waveform, turns_step(waveform, index))

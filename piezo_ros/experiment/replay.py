@@ -35,6 +35,7 @@ from piezo_ros.control.changes import Change, parse_changes, segments, without
 from piezo_ros.control.closed_loop import run_loop
 from piezo_ros.control.trajectory_blocks import trajectory_blocks
 from piezo_ros.model import (
+    CompensatorParameters,
     DynamicsParameters,
     HysteresisParameters,
     ParameterError,
@@ -68,7 +69,7 @@ class ReplayResult:
         Every stream of the replay; displacement has one sample more than the others.
     controller : ControllerParameters
         Gains and scheme of the replay.
-    compensator : HysteresisParameters
+    compensator : CompensatorParameters
         The hysteresis that its compensator inverts.
     plant : RigParameters
         Its rig.
@@ -89,7 +90,7 @@ class ReplayResult:
     recorded: Run
     streams: ClosedLoopRun
     controller: ControllerParameters
-    compensator: HysteresisParameters
+    compensator: CompensatorParameters
     plant: RigParameters
     overridden: tuple[str, ...]
     assumed: Mapping[str, tuple[str, ...]]
@@ -108,7 +109,7 @@ def replay(
     run: Run,
     *,
     controller: ControllerParameters | Mapping[str, Any] | None = None,
-    compensator: HysteresisParameters | Mapping[str, Any] | None = None,
+    compensator: CompensatorParameters | Mapping[str, Any] | None = None,
     scheme: str | None = None,
     plant: RigParameters | Mapping[str, Any] | None = None,
     hysteresis: HysteresisParameters | None = None,
@@ -125,7 +126,7 @@ def replay(
         Other gains; those of the bag by default. A mapping replaces the parameters it names and
         leaves the others as recorded, as a file of tuned gains means it. What is given applies to
         the whole run: changes that the bag lists leave it alone.
-    compensator : HysteresisParameters or mapping, optional
+    compensator : CompensatorParameters or mapping, optional
         Another hysteresis to invert.
     scheme : str, optional
         Another scheme, whatever the controller's own.
@@ -155,13 +156,13 @@ def replay(
         'controller': controller, 'compensator': compensator, 'plant': plant}
     recorded = _Recorded(run)
     own_controller = recorded.node('controller', ControllerParameters)
-    own_compensator = recorded.node('compensator', HysteresisParameters)
+    own_compensator = recorded.node('compensator', CompensatorParameters)
     own_plant = recorded.node('plant', RigParameters)
     law = recorded.required(
         'controller', _replaced(own_controller, controller, ControllerParameters))
     inverted = recorded.required(
-        'compensator', _replaced(own_compensator, compensator, HysteresisParameters))
-    recorded.refuse_defaults('compensator', compensator, HysteresisParameters, _HYSTERESIS)
+        'compensator', _replaced(own_compensator, compensator, CompensatorParameters))
+    recorded.refuse_defaults('compensator', compensator, CompensatorParameters, _HYSTERESIS)
     rig, origins = _rig(recorded, own_plant, plant, hysteresis, dynamics)
     if scheme is not None:
         law = law.replaced(scheme=scheme)

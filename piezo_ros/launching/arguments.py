@@ -39,6 +39,8 @@ SCAN_ARGUMENTS: Final = {
     'harmonics': 'trajectory',
     'periods': 'trajectory',
     'ramp_periods': 'trajectory',
+    'offset_um': 'trajectory',
+    'turn_fraction': 'trajectory',
 }
 # Arguments of every launch file that are parameters of the plant.
 PLANT_ARGUMENTS: Final = ('realtime_factor', 'publish_clock')

@@ -16,12 +16,17 @@
 
 from piezo_ros.model.dynamics import DynamicsParameters, LinearDynamics
 from piezo_ros.model.hysteresis import HysteresisParameters
-from piezo_ros.model.hysteresis_and_inverse import InverseHysteresis, MaxwellResistiveCapacitor
+from piezo_ros.model.hysteresis_and_inverse import (
+    CompensatorParameters,
+    InverseHysteresis,
+    MaxwellResistiveCapacitor,
+)
 from piezo_ros.model.parameters import ParameterError, ParameterSet
 from piezo_ros.model.rig import RigParameters
 from piezo_ros.model.simulated_rig import Rig
 
 __all__ = [
+    'CompensatorParameters',
     'DynamicsParameters',
     'HysteresisParameters',
     'InverseHysteresis',

@@ -94,6 +94,6 @@ def _cache_directory() -> Path:
     package = Path(__file__).resolve().parent.parent
     digest = hashlib.sha256(numba.__version__.encode())
     for tier in ('model', 'control'):
-        for source in sorted((package / tier).glob('*.py')):
+        for source in sorted((package / tier).rglob('*.py')):
             digest.update(source.read_bytes())
     return cache_directory() / 'piezo_ros' / digest.hexdigest()[:16]

@@ -25,6 +25,11 @@ The operator is linear, r relaxations with time constants spread evenly over the
     tau_j = t_start q^(j + 1/2),   j = 0 ... r - 1,   q = (t_end / t_start)^(1/r)
     y = x + c log10(q) (p_0 + ... + p_{r-1})
 
+Its inverse is exact, as x is in every new p_j in proportion: with s = c log10(q) and the rate
+g_j = 1 - exp(-Ts/tau_j),
+
+    x = (y - s sum_j (1 - g_j) p_j)/(1 + s sum_j g_j)
+
 Drift, as of a rig that warms up, has a constant rate v whatever the voltage: y[k] = x[k] + v k Ts.
 Both are off by default.
 """
@@ -36,7 +41,10 @@ from typing import NamedTuple
 from piezo_ros.model.parameters import ParameterError, ParameterSet, parameter
 from piezo_ros.model.step import Vector, step
 
-__all__ = ['CreepConstants', 'CreepParameters', 'creep_constants', 'creep_step', 'drift_step']
+__all__ = [
+    'NO_CREEP', 'CreepConstants', 'CreepParameters', 'DriftParameters', 'creep_constants',
+    'creep_step', 'drift_step', 'inverse_creep_step',
+]
 
 # So dense that the growth is even to a hundredth of itself.
 _PER_DECADE = 2
@@ -44,7 +52,7 @@ _PER_DECADE = 2
 
 @dataclass(frozen=True, kw_only=True)
 class CreepParameters(ParameterSet):
-    """Creep and drift of a stage."""
+    """Creep of a stage."""
 
     creep_per_decade: float = parameter(
         0.0, '', 'share of the displacement that a constant voltage adds in every tenfold time; '
@@ -53,8 +61,6 @@ class CreepParameters(ParameterSet):
         0.1, 's', 'time after a step at which creep begins', minimum=1e-6, maximum=1e6)
     creep_end_s: float = parameter(
         1000.0, 's', 'time after a step at which creep ends', minimum=1e-6, maximum=1e9)
-    drift_um_per_s: float = parameter(
-        0.0, 'um/s', 'drift of the displacement; 0: none', minimum=-1e3, maximum=1e3)
 
     def check_together(self) -> None:
         """Refuse creep that ends before it begins."""
@@ -65,6 +71,14 @@ class CreepParameters(ParameterSet):
                 f'{self.creep_end_s} s')
 
 
+@dataclass(frozen=True, kw_only=True)
+class DriftParameters(CreepParameters):
+    """Creep and drift of a stage."""
+
+    drift_um_per_s: float = parameter(
+        0.0, 'um/s', 'drift of the displacement; 0: none', minimum=-1e3, maximum=1e3)
+
+
 class CreepConstants(NamedTuple):
     """What the steps need of the parameters; lists in a node, arrays in a kernel."""
 
@@ -73,8 +87,11 @@ class CreepConstants(NamedTuple):
     drift_um: float  # per sample
 
 
+NO_CREEP = CreepConstants([], [], 0.0)
+
+
 def creep_constants(
-    parameters: CreepParameters, sample_period_s: float,
+    parameters: CreepParameters, sample_period_s: float, substeps: int = 1,
 ) -> CreepConstants | None:
     """
     Return the constants of the steps, None where there is neither creep nor drift.
@@ -87,6 +104,8 @@ def creep_constants(
         Creep and drift.
     sample_period_s : float
         Sample period, seconds.
+    substeps : int, optional
+        Into how many steps a sample is divided for the creep; drift has one.
 
     Examples
     --------
@@ -100,7 +119,8 @@ def creep_constants(
 
     """
     p = parameters
-    if p.creep_per_decade == 0.0 and p.drift_um_per_s == 0.0:
+    drift_um_per_s = p.drift_um_per_s if isinstance(p, DriftParameters) else 0.0
+    if p.creep_per_decade == 0.0 and drift_um_per_s == 0.0:
         return None
     count = 0
     if p.creep_per_decade > 0.0:
@@ -111,8 +131,8 @@ def creep_constants(
     times_s = [p.creep_start_s * ratio ** (i + 0.5) for i in range(count)]
     return CreepConstants(
         share=[p.creep_per_decade * math.log10(ratio)] * count,
-        rate=[-math.expm1(-sample_period_s / time_s) for time_s in times_s],
-        drift_um=p.drift_um_per_s * sample_period_s)
+        rate=[-math.expm1(-sample_period_s / substeps / time_s) for time_s in times_s],
+        drift_um=drift_um_per_s * sample_period_s)
 
 
 @step
@@ -130,11 +150,29 @@ def creep_step(
 
 
 @step
+def inverse_creep_step(
+    relaxed_um: Vector, constants: CreepConstants | None, displacement_um: float,
+) -> float:
+    """Return what becomes a displacement by its creep; the relaxations move on."""
+    if constants is None:
+        return displacement_um
+    remembered_um = 0.0
+    at_once = 1.0
+    for i in range(len(constants.rate)):
+        remembered_um += constants.share[i] * (1.0 - constants.rate[i]) * relaxed_um[i]
+        at_once += constants.share[i] * constants.rate[i]
+    still_um = (displacement_um - remembered_um) / at_once
+    for i in range(len(constants.rate)):
+        relaxed_um[i] += constants.rate[i] * (still_um - relaxed_um[i])
+    return still_um
+
+
+@step
 def drift_step(
     drift_um: Vector, constants: CreepConstants | None, displacement_um: float,
 ) -> float:
     """Return a displacement with the drift at the end of the sample, which moves on."""
-    if constants is None:
+    if constants is None or constants.drift_um == 0.0:
         return displacement_um
     drift_um[0] += constants.drift_um
     return displacement_um + drift_um[0]

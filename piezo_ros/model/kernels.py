@@ -19,12 +19,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from piezo_ros.model import hysteresis, packing, rig
+from piezo_ros.model import creep, hysteresis, packing, rig
 from piezo_ros.model.compiled import brief_kernel, kernel
 
 __all__ = [
-    'creeping_rig_array',
+    'creep_inverse_packed_array',
     'forward_array',
+    'full_rig_array',
     'inverse_array',
     'inverse_packed_array',
     'rig_array',
@@ -32,7 +33,10 @@ __all__ = [
 
 _compensation_step = hysteresis.compensation_step
 _hysteresis_step = hysteresis.hysteresis_step
+_inverse_creep_step = creep.inverse_creep_step
 _packed_creep = packing.packed_creep
+_packed_inverse_creep = packing.packed_inverse_creep
+_packed_load = packing.packed_load
 _sample_step = rig.sample_step
 _settle_step = hysteresis.settle_step
 _unpacked_inverse = packing.unpacked_inverse
@@ -67,18 +71,18 @@ def rig_array(
     displacement_um: NDArray[np.float64],
 ) -> None:
     """Fill ``displacement_um`` with the readings; the state in ``memory`` moves on."""
-    state, constants = _unpacked_rig(memory, None)
+    state, constants = _unpacked_rig(memory, None, None)
     for k in range(voltage_v.size):
         displacement_um[k] = _sample_step(state, constants, voltage_v[k], noise[k])
 
 
 @brief_kernel
-def creeping_rig_array(
+def full_rig_array(
     memory: NDArray[np.float64], voltage_v: NDArray[np.float64], noise: NDArray[np.float64],
     displacement_um: NDArray[np.float64],
 ) -> None:
-    """Do as `rig_array` for a rig with creep or drift."""
-    state, constants = _unpacked_rig(memory, _packed_creep(memory))
+    """Do as `rig_array` for a rig with creep, drift, average current limit or self-heating."""
+    state, constants = _unpacked_rig(memory, _packed_creep(memory), _packed_load(memory))
     for k in range(voltage_v.size):
         displacement_um[k] = _sample_step(state, constants, voltage_v[k], noise[k])
 
@@ -92,3 +96,17 @@ def inverse_packed_array(
     state, constants = _unpacked_inverse(memory)
     for k in range(displacement_um.size):
         voltage_v[k] = _compensation_step(state, constants, displacement_um[k])
+
+
+@brief_kernel
+def creep_inverse_packed_array(
+    memory: NDArray[np.float64], displacement_um: NDArray[np.float64],
+    voltage_v: NDArray[np.float64],
+) -> None:
+    """Do as `inverse_packed_array` for an inverse model with creep."""
+    state, constants = _unpacked_inverse(memory)
+    relaxed_um, creep_constants = _packed_inverse_creep(memory)
+    for k in range(displacement_um.size):
+        voltage_v[k] = _compensation_step(
+            state, constants,
+            _inverse_creep_step(relaxed_um, creep_constants, displacement_um[k]))

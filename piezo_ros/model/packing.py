@@ -25,7 +25,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from piezo_ros.model.converter import ConverterConstants
-from piezo_ros.model.creep import CreepConstants
+from piezo_ros.model.creep import NO_CREEP, CreepConstants
+from piezo_ros.model.effects.load import NO_LOAD, STATE_SIZE, LoadConstants
 from piezo_ros.model.hysteresis import AsymmetryConstants, HysteresisConstants, state_size
 from piezo_ros.model.rig import RigConstants, RigState
 from piezo_ros.model.state_space import LinearConstants
@@ -34,6 +35,8 @@ from piezo_ros.model.step import step
 __all__ = [
     'packed_creep',
     'packed_inverse',
+    'packed_inverse_creep',
+    'packed_load',
     'packed_rig',
     'unpacked_inverse',
     'unpacked_rig',
@@ -46,12 +49,20 @@ def packed_rig(state: RigState, constants: RigConstants) -> NDArray[np.float64]:
     sizes = [
         len(constants.hysteresis.width_um), len(state.before), len(state.behind),
         len(state.relaxed_um), len(state.delayed_v)]
+    # Always there, so that a kernel with all effects takes any rig.
+    constants = constants._replace(
+        creep=constants.creep or NO_CREEP, load=constants.load or NO_LOAD)
     return _packed(sizes, state, constants)
 
 
-def packed_inverse(state: Any, constants: HysteresisConstants) -> NDArray[np.float64]:
+def packed_inverse(
+    state: Any, constants: HysteresisConstants, relaxed_um: Any = (),
+    creep: CreepConstants | None = None,
+) -> NDArray[np.float64]:
     """Return state and constants of an inverse model as `unpacked_inverse` takes them."""
-    return _packed([len(constants.width_um)], state, constants)
+    creep = creep or NO_CREEP
+    return _packed(
+        [len(constants.width_um)], state, constants, list(relaxed_um), creep, [len(creep.rate)])
 
 
 def _packed(sizes: list[int], *contents: Any) -> NDArray[np.float64]:
@@ -71,9 +82,26 @@ def _flat(value: Any) -> list[float]:
 
 @step
 def packed_creep(memory: Any) -> CreepConstants:
-    """Return the creep in the memory of a rig that has one."""
-    relaxations, end = int(memory[3]), len(memory) - 1
+    """Return the creep in the memory of a rig, none where it has none."""
+    relaxations, end = int(memory[3]), len(memory) - 5
     return CreepConstants(
+        memory[end - 2 * relaxations:end - relaxations], memory[end - relaxations:end],
+        memory[end])
+
+
+@step
+def packed_load(memory: Any) -> LoadConstants:
+    """Return average current and self-heating in the memory of a rig, none where it has none."""
+    end = len(memory)
+    return LoadConstants(memory[end - 4], memory[end - 3], memory[end - 2], memory[end - 1])
+
+
+@step
+def packed_inverse_creep(memory: Any) -> tuple[Any, CreepConstants]:
+    """Return relaxations and creep in the memory of an inverse model, none where it has none."""
+    end = len(memory) - 2
+    relaxations = int(memory[end + 1])
+    return memory[end - 3 * relaxations:end - 2 * relaxations], CreepConstants(
         memory[end - 2 * relaxations:end - relaxations], memory[end - relaxations:end],
         memory[end])
 
@@ -87,27 +115,28 @@ def unpacked_state(memory: Any) -> RigState:
     hysteresis_at = before_at + order_before
     behind_at = hysteresis_at + state_size(elements)
     displacement_at = behind_at + order_behind
-    relaxed_at = displacement_at + 1
+    load_at = displacement_at + 1
+    relaxed_at = load_at + STATE_SIZE
     drift_at = relaxed_at + relaxations
     delayed_at = drift_at + 1
     scratch_at = delayed_at + delayed
     return RigState(
         memory[5:before_at], memory[before_at:hysteresis_at],
         memory[hysteresis_at:behind_at], memory[behind_at:displacement_at],
-        memory[displacement_at:relaxed_at], memory[relaxed_at:drift_at],
+        memory[displacement_at:load_at], memory[load_at:relaxed_at], memory[relaxed_at:drift_at],
         memory[drift_at:delayed_at], memory[delayed_at:scratch_at],
         memory[scratch_at:scratch_at + max(order_before, order_behind)])
 
 
 @step
 def unpacked_rig(
-    memory: Any, creep: CreepConstants | None,
+    memory: Any, creep: CreepConstants | None, load: LoadConstants | None,
 ) -> tuple[RigState, RigConstants]:
     """Return state and constants of a rig as views of its memory."""
     elements, order_before, order_behind = int(memory[0]), int(memory[1]), int(memory[2])
     at = (
-        12 + order_before + state_size(elements) + order_behind + int(memory[3]) + int(memory[4])
-        + max(order_before, order_behind))
+        12 + STATE_SIZE + order_before + state_size(elements) + order_behind + int(memory[3])
+        + int(memory[4]) + max(order_before, order_behind))
     state = unpacked_state(memory)
     dac = _converter_at(memory, at)
     slew_step_v = memory[at + 4]
@@ -121,7 +150,7 @@ def unpacked_rig(
     return state, RigConstants(
         dac, slew_step_v, before, hysteresis, behind, memory[at] > 0.0, memory[at + 1],
         _converter_at(memory, at + 2), int(memory[at + 6]), int(memory[at + 7]),
-        int(memory[at + 8]), creep)
+        int(memory[at + 8]), creep, load)
 
 
 @step

@@ -19,11 +19,11 @@ One sample, with the hysteresis H of (1) to (4) in Liu 2015 and G = Gbehind Gbef
 (6) the amplifier Ga before H, mechanics and sensor Gs Gp behind it::
 
     d[k]   = d[k-1] + clip(DA(u[k]) - d[k-1], -slew Ts, slew Ts)    rails, current limit
-    x      = creep(H(Gbefore d))                                    order: physical
+    x      = creep(warm(H(Gbefore d)))                              order: physical
     y      = drift(Gbehind x)
     y[k+1] = AD(y + noise[k+1])                                     what the sensor reads
 
-    x = creep(H(d)),   y = drift(G x)                               order: lumped
+    x = creep(warm(H(d))),   y = drift(G x)                         order: lumped
 
 In physical order Gbefore has a zero-order hold, with the delay. What it gives is smooth, so that
 Gbehind has a first-order hold, at n times per sample where poles before H are fast: what drives the
@@ -45,13 +45,24 @@ from typing import Any, Final, NamedTuple
 
 from piezo_ros.model.converter import ConverterConstants, convert_step, converter_constants
 from piezo_ros.model.creep import (
+    NO_CREEP,
     CreepConstants,
-    CreepParameters,
+    DriftParameters,
     creep_constants,
     creep_step,
     drift_step,
 )
 from piezo_ros.model.dynamics import DynamicsParameters, LinearDynamics
+from piezo_ros.model.effects.load import (
+    NO_LOAD,
+    STATE_SIZE,
+    LoadConstants,
+    LoadParameters,
+    allowed_voltage,
+    heat_step,
+    load_constants,
+    warm_step,
+)
 from piezo_ros.model.hysteresis import (
     HysteresisConstants,
     HysteresisParameters,
@@ -92,7 +103,7 @@ _MOST_DELAY_SAMPLES: Final = 10**6
 
 
 @dataclass(frozen=True, kw_only=True)
-class RigParameters(HysteresisParameters, DynamicsParameters, CreepParameters):
+class RigParameters(HysteresisParameters, DynamicsParameters, DriftParameters, LoadParameters):
     """Amplifier, stage and converters; the mismatches are unknown to the published models."""
 
     order: str = parameter(
@@ -239,7 +250,9 @@ class RigConstants(NamedTuple):
     substeps: int
     late_substeps: int  # of a sample, in which the voltage of the one before still acts
     delay_samples: int
+    # Both None where there is neither creep, drift, average current limit nor self-heating.
     creep: CreepConstants | None
+    load: LoadConstants | None
 
 
 class RigState(NamedTuple):
@@ -252,6 +265,7 @@ class RigState(NamedTuple):
     hysteresis: Vector  # (n + 7,) plays, and the line that is valid
     behind: Vector  # (n,)
     displacement_um: Vector  # (1,) true displacement
+    load: Vector  # (3,) see `piezo_ros.model.effects.load`
     relaxed_um: Vector  # (r,) of the creep
     drift_um: Vector  # (1,)
     delayed_v: Vector  # (1 + d,) place of the oldest, and the newest d voltages in a ring
@@ -286,6 +300,8 @@ def rig_constants(parameters: RigParameters, sample_period_s: float) -> RigConst
             f'{_MOST_DELAY_SAMPLES * sample_period_s:g} s at a sample period of '
             f'{sample_period_s:g} s')
     adc_limit_um = p.highest_reading_um
+    creep = creep_constants(p, sample_period_s, substeps)
+    load = load_constants(p, sample_period_s)
     return RigConstants(
         dac=converter_constants(
             p.voltage_minimum_v, p.voltage_maximum_v, p.dac_span_v, p.dac_bits,
@@ -301,7 +317,8 @@ def rig_constants(parameters: RigParameters, sample_period_s: float) -> RigConst
         substeps=substeps,
         late_substeps=late_substeps,
         delay_samples=delay_samples,
-        creep=_creep(p, sample_period_s, substeps))
+        creep=NO_CREEP if load and not creep else creep,
+        load=NO_LOAD if creep and not load else load)
 
 
 def _halves(
@@ -349,16 +366,6 @@ def _root_rates(frequency_rad_per_s: float, damping_ratio: float) -> tuple[float
     return w * w / fast, fast
 
 
-def _creep(
-    parameters: RigParameters, sample_period_s: float, substeps: int,
-) -> CreepConstants | None:
-    """Return the creep of a substep with the drift of a sample."""
-    constants = creep_constants(parameters, sample_period_s / substeps)
-    if constants is None:
-        return None
-    return constants._replace(drift_um=parameters.drift_um_per_s * sample_period_s)
-
-
 def initial_state(constants: RigConstants, vector: Callable[[list[float]], Any] = list) -> RigState:
     """
     Return the state of the rig at rest at its operating point, never driven.
@@ -377,6 +384,7 @@ def initial_state(constants: RigConstants, vector: Callable[[list[float]], Any] 
         hysteresis=vector(hysteresis_state([0.0] * len(constants.hysteresis.width_um))),
         behind=vector([0.0] * len(constants.behind.b)),
         displacement_um=vector([0.0]),
+        load=vector([0.0] * STATE_SIZE),
         relaxed_um=vector([0.0] * (len(constants.creep.rate) if constants.creep else 0)),
         drift_um=vector([0.0]),
         delayed_v=vector([0.0] * (1 + constants.delay_samples)),
@@ -416,12 +424,14 @@ def rig_step(state: RigState, constants: RigConstants, voltage_v: float) -> floa
     elif change_v < -constants.slew_step_v:
         drive_v = state.drive_v[0] - constants.slew_step_v
         state.drive_v[2] += 1.0
+    drive_v = allowed_voltage(state.load, constants.load, state.drive_v[0], drive_v)
     state.drive_v[0] = drive_v
     state.drive_v[3] = voltage_v
     drive_v = _delay_step(state.delayed_v, constants.delay_samples, drive_v)
     true_um = 0.0
     if constants.lumped:
         free_um = hysteresis_step(state.hysteresis, constants.hysteresis, drive_v)
+        free_um = warm_step(state.load, constants.load, free_um)
         free_um = creep_step(state.relaxed_um, constants.creep, free_um)
         true_um = update_then_output(state.behind, state.scratch, constants.behind, free_um)
     else:
@@ -430,10 +440,12 @@ def rig_step(state: RigState, constants: RigConstants, voltage_v: float) -> floa
             amplified_v = update_then_output(
                 state.before, state.scratch, constants.before, held_v)
             free_um = hysteresis_step(state.hysteresis, constants.hysteresis, amplified_v)
+            free_um = warm_step(state.load, constants.load, free_um)
             free_um = creep_step(state.relaxed_um, constants.creep, free_um)
             true_um = output_then_update(state.behind, state.scratch, constants.behind, free_um)
         state.drive_v[4] = drive_v
     true_um = drift_step(state.drift_um, constants.creep, true_um)
+    heat_step(state.load, constants.load, state.displacement_um[0], true_um)
     state.displacement_um[0] = true_um
     return true_um
 

@@ -25,7 +25,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from piezo_ros.model.noise import NoiseSource
-from piezo_ros.model.packing import packed_creep, packed_rig, unpacked_rig, unpacked_state
+from piezo_ros.model.packing import (
+    packed_creep,
+    packed_load,
+    packed_rig,
+    unpacked_rig,
+    unpacked_state,
+)
 from piezo_ros.model.rig import (
     RigParameters,
     RigState,
@@ -86,13 +92,13 @@ class Rig:
         self._kernel: Callable[..., None] | None = None
         if compiled:
             from piezo_ros.model import kernels
-            self._kernel = kernels.creeping_rig_array if self.constants.creep else kernels.rig_array
+            self._kernel = kernels.full_rig_array if self.constants.creep else kernels.rig_array
         self.reset()
 
     @property
     def sample_step(self) -> Callable[..., float]:
         """One sample in compiled code: memory, noise of shape (1, M), place in it, k, u[k]."""
-        return _creeping_sample if self.constants.creep else _sample
+        return _full_sample if self.constants.creep else _sample
 
     def noise_around(self, index: int) -> tuple[int, NDArray[np.float64]]:
         """Return noise for `sample_step`, shape (1, M), and the k of its first sample."""
@@ -128,6 +134,11 @@ class Rig:
     def saturated_samples(self) -> tuple[int, int]:
         """How many voltages were beyond a rail, and how many beyond the slew limit."""
         return int(self._state.drive_v[1]), int(self._state.drive_v[2])
+
+    @property
+    def average_current_samples(self) -> int:
+        """How many voltages were beyond the average current of the amplifier."""
+        return int(self._state.load[1])
 
     def measure(self) -> float:
         """Return the reading at the present index, micrometres; the rig does not move."""
@@ -219,11 +230,11 @@ class Rig:
 
 @step
 def _sample(memory: Any, noise: Any, at: int, k: int, voltage_v: float) -> float:
-    state, constants = unpacked_rig(memory, None)
+    state, constants = unpacked_rig(memory, None, None)
     return sample_step(state, constants, voltage_v, noise[0, at])
 
 
 @step
-def _creeping_sample(memory: Any, noise: Any, at: int, k: int, voltage_v: float) -> float:
-    state, constants = unpacked_rig(memory, packed_creep(memory))
+def _full_sample(memory: Any, noise: Any, at: int, k: int, voltage_v: float) -> float:
+    state, constants = unpacked_rig(memory, packed_creep(memory), packed_load(memory))
     return sample_step(state, constants, voltage_v, noise[0, at])

@@ -12,9 +12,9 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The compensator: linearised command in, voltage out, through the inverse MRC model."""
+"""The compensator: linearised command in, voltage out, through the inverse creep and MRC model."""
 
-from piezo_ros.model import HysteresisParameters, InverseHysteresis
+from piezo_ros.model import CompensatorParameters, InverseHysteresis
 from piezo_ros.runtime.node.answering import AnsweringNode
 from piezo_ros.runtime.node.parameters import read
 
@@ -31,12 +31,13 @@ class Compensator(AnsweringNode):
         super().__init__('compensator', compiled=compiled)
 
     def configure(self) -> None:
-        """Read the hysteresis to invert."""
-        self._hysteresis = read(self, HysteresisParameters)
+        """Read the hysteresis, and the creep, to invert."""
+        self._inverted = read(self, CompensatorParameters)
 
     def make_element(self) -> InverseHysteresis:
         """Return the inverse of a virgin stage."""
-        self._inverse = InverseHysteresis(self._hysteresis, compiled=self.settings.compiled)
+        self._inverse = InverseHysteresis(
+            self._inverted, self.settings.sample_period_s, compiled=self.settings.compiled)
         return self._inverse
 
     def relayed(self) -> InverseHysteresis | None:

@@ -42,13 +42,15 @@ from piezo_ros.runtime.streams.reader import StreamReader
 
 __all__ = ['Plant']
 
+_SATURATIONS = ('rail_samples', 'slew_samples', 'average_current_samples')
+
 
 class Plant(AnsweringNode):
     """Answers u[k … k+N-1] with y[k+1 … k+N]; opens with y[0]."""
 
     inputs = ('voltage',)
     outputs = ('displacement',)
-    troubles = (*AnsweringNode.troubles, 'overruns', 'rail_samples', 'slew_samples')
+    troubles = (*AnsweringNode.troubles, 'overruns', *_SATURATIONS)
 
     def __init__(self, *, compiled: bool = False) -> None:
         self._kept = KeptRig()
@@ -186,11 +188,12 @@ class Plant(AnsweringNode):
         rail, slew = self._kept.saturated_samples
         return {
             **super().counts(), 'overruns': self._paced.overruns if self._paced else 0,
-            'rail_samples': rail, 'slew_samples': slew}
+            'rail_samples': rail, 'slew_samples': slew,
+            'average_current_samples': self._kept.average_current_samples}
 
     def status_fields(self) -> dict[str, Any]:
         """Return the voltage that the rig is driven with and how long the run took."""
-        told = ('overruns', 'rail_samples', 'slew_samples')
+        told = ('overruns', *_SATURATIONS)
         return {
             'voltage_v': self._kept.commanded_v, 'elapsed_s': self._elapsed_s,
             **{name: count for name, count in self.counts().items() if name in told}}

@@ -25,7 +25,7 @@ from typing import Any, Final
 
 from piezo_ros.control import ControllerParameters, TrajectoryParameters
 from piezo_ros.control.changes import ChangeParameters
-from piezo_ros.model import HysteresisParameters, ParameterError, ParameterSet, RigParameters
+from piezo_ros.model import CompensatorParameters, ParameterError, ParameterSet, RigParameters
 from piezo_ros.model.parameters import parameter
 from piezo_ros.streams import STREAMS
 
@@ -191,7 +191,7 @@ class RecorderParameters(ParameterSet):
 # Node -> its parameter sets, the model's first. Also the order of bring-up: readers before writers.
 NODE_PARAMETERS: Final[Mapping[str, tuple[type[ParameterSet], ...]]] = {
     'recorder': (RecorderParameters, LoopNodeParameters),
-    'compensator': (HysteresisParameters, LoopNodeParameters),
+    'compensator': (CompensatorParameters, LoopNodeParameters),
     'controller': (
         ControllerParameters, ChangeParameters, DemandParameters, LoopNodeParameters),
     'plant': (

@@ -21,7 +21,7 @@ from typing import Any, Protocol
 
 from piezo_ros.control import ControllerParameters, TrajectoryParameters
 from piezo_ros.control.changes import Change, parse_changes
-from piezo_ros.model import HysteresisParameters, RigParameters
+from piezo_ros.model import CompensatorParameters, RigParameters
 from piezo_ros.parameters.node_parameters import LOOP_NODES
 
 __all__ = ['PlannedRun', 'Prediction', 'RunResult']
@@ -78,9 +78,9 @@ class PlannedRun:
         return RigParameters.among(self.parameters['plant'])
 
     @cached_property
-    def compensator(self) -> HysteresisParameters:
-        """The hysteresis that the compensator inverts."""
-        return HysteresisParameters.among(self.parameters['compensator'])
+    def compensator(self) -> CompensatorParameters:
+        """The hysteresis, and the creep, that the compensator inverts."""
+        return CompensatorParameters.among(self.parameters['compensator'])
 
     @cached_property
     def controller(self) -> ControllerParameters:

@@ -19,6 +19,7 @@ import pytest
 
 from piezo_ros.bag import STREAMS, BagWriter, read
 from piezo_ros.cli.main import main
+from piezo_ros.control.tables.motion_table import read_motion_table
 from piezo_ros.experiment.offline import simulate_run
 from piezo_ros.experiment.plan import read_plan
 
@@ -159,3 +160,36 @@ def test_a_bag_that_is_none_fails_in_words(command, tmp_path, monkeypatch, argum
     code, _, err = command(action, 'nothing', *output)
     assert code == 1
     assert 'nothing' in err
+
+
+def test_a_motion_out_of_a_bag_is_played_again_bit_by_bit(bag, command, tmp_path):
+    path = tmp_path / 'again.npz'
+    code, out, _ = command('motion', bag, '--command', 'command', '-o', path)
+    run = read(bag)
+    assert code == 0
+    assert f'{run.samples} samples' in out
+    table = read_motion_table(path, run.sample_period_s)
+    assert table.reference_um.tobytes() == run.reference_um.tobytes()
+    assert table.command_um.tobytes() == run.command_um.tobytes()
+    assert table.repeat_from is None
+    assert command('motion', bag, '-o', path)[0] == 2
+    code, _, _ = command(
+        'motion', bag, '-o', path, '--force', '--reference', 'displacement', '--from-s', '0.001',
+        '--to-s', '0.011', '--repeat-from-s', '0.002')
+    part = read_motion_table(path, run.sample_period_s)
+    assert code == 0
+    assert part.reference_um.tobytes() == run.displacement_um[100:1100].tobytes()
+    assert part.repeat_from == 100
+
+
+@pytest.mark.parametrize(('options', 'problem'), [
+    (('--from-s', '9'), 'has no sample from --from-s 9'),
+    (('--repeat-from-s', '9'), 'repeat_from is 900000, allowed is 0 …'),
+])
+def test_a_motion_that_a_bag_has_not_is_refused(bag, command, tmp_path, options, problem):
+    code, _, err = command('motion', bag, '-o', tmp_path / 'motion.npz', *options)
+    assert code == 1
+    assert problem in err
+    assert not (tmp_path / 'motion.npz').exists()
+    code, _, err = command('motion', bag, '-o', tmp_path / 'motion.csv')
+    assert (code, 'a motion is written as .npz' in err) == (1, True)

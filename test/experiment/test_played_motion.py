@@ -145,6 +145,43 @@ def test_a_plan_refuses_commands_that_the_controller_would_cut_off(tmp_path):
         read_plan(tmp_path / 'plan.yaml')
 
 
+@pytest.mark.parametrize(('table', 'changes', 'problem'), [
+    (MotionTable(np.cos(np.arange(200) / 200 * 2 * np.pi), None, PERIOD_S, 0), '',
+     r'motion.npz: reference_um is 1 um at sample 0, allowed is -0.2\d* … 0.2\d* um: a run begins'),
+    (MotionTable(np.sin(np.arange(150) / 200 * 2 * np.pi), None, PERIOD_S, 0), '',
+     r'jumps by 0.9995\d* um from sample 149 to the first .*: it does not close on itself'),
+    (MotionTable(np.sin(np.arange(201) / 201 * 2 * np.pi), None, PERIOD_S, 0), '',
+     r'it repeats 201 samples, 1.005 periods of frequency_hz 500 Hz \(200 samples each\)'),
+    (MotionTable(np.sin(np.arange(200) / 200 * 2 * np.pi), None, PERIOD_S), '',
+     'it has 200 samples, played once; score_periods is 4, which are 800 samples'),
+    (MotionTable(np.sin(np.arange(200) / 200 * 2 * np.pi), None, PERIOD_S, 0),
+     '    offset_um: 5.5\n', 'beside the offset of 5.5 um, 6 um to either side'),
+    (MotionTable(np.sin(np.arange(200) / 200 * 2 * np.pi), np.zeros(200), PERIOD_S, 0),
+     '    offset_um: 1.0\n', 'it has commands, which belong to its own reference: offset_um is 1'),
+])
+def test_a_plan_refuses_a_table_that_does_not_fit_its_run(tmp_path, table, changes, problem):
+    write_motion_table(tmp_path / 'motion.npz', table)
+    (tmp_path / 'plan.yaml').write_text(
+        PLAN.format(file=tmp_path / 'motion.npz') + changes
+        + '    plant: {slew_limit_v_per_s: 18200.0, kappa_um_per_v: [1.28], saturation_v: []}\n')
+    with pytest.raises(PlanError, match=problem):
+        read_plan(tmp_path / 'plan.yaml')
+
+
+def test_a_period_that_begins_anywhere_is_played_with_soft_start_and_offset(tmp_path):
+    period_um = np.cos(np.arange(200) / 200 * 2 * np.pi)
+    write_motion_table(tmp_path / 'motion.npz', MotionTable(period_um, None, PERIOD_S, 0))
+    (tmp_path / 'plan.yaml').write_text(
+        PLAN.format(file=tmp_path / 'motion.npz')
+        + '    offset_um: 1.0\n    ramp_periods: 2\n    plant: {slew_limit_v_per_s: 18200.0}\n')
+    (run,) = read_plan(tmp_path / 'plan.yaml').runs
+    reference_um, feedforward_um = trajectory_blocks(run.trajectory)(0, 800)
+    assert reference_um[0] == 0.0
+    np.testing.assert_array_equal(reference_um[400:600], period_um + 1.0)
+    np.testing.assert_array_equal(
+        feedforward_um[400:600], 1.0 / run.trajectory.dc_gain * (period_um + 1.0))
+
+
 def test_a_plan_names_a_file_that_is_not_there(tmp_path):
     (tmp_path / 'plan.yaml').write_text(PLAN.format(file='none.npz'))
     with pytest.raises(PlanError, match='none.npz: No such file'):

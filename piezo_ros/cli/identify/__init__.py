@@ -17,13 +17,14 @@
 import argparse
 from typing import Final
 
-from piezo_ros.cli.identify import dynamics, hysteresis, uncertainty
+from piezo_ros.cli.identify import creep, dynamics, hysteresis, uncertainty
 
 __all__ = ['add_arguments']
 
 _EXAMPLES: Final = """\
 examples:
   piezo identify hysteresis bags/bare_triangle -o compensator.yaml --compare
+  piezo identify creep bags/long_step -o creep.yaml
   piezo identify dynamics bags/stepped_sine -o trajectory.yaml
   piezo identify dynamics bags/bare_sine --compensator compensator.yaml -o trajectory.yaml
   piezo identify dynamics bags/multisine --orders 4 7 --fit-delay -o trajectory.yaml
@@ -36,5 +37,5 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Describe the command's arguments to its parser."""
     parser.epilog = _EXAMPLES
     kinds = parser.add_subparsers(dest='kind', required=True, metavar='KIND')
-    for module in (hysteresis, dynamics, uncertainty):
+    for module in (hysteresis, creep, dynamics, uncertainty):
         module.add_kind(kinds)

@@ -82,7 +82,7 @@ class Identified(NamedTuple):
     verdict: Verdict | None = None
 
 
-def add_common_arguments(kind: argparse.ArgumentParser, *, bags: str = '+') -> None:
+def add_common_arguments(kind: argparse.ArgumentParser, *, bags: str | int = '+') -> None:
     """Describe the bags, how many there may be, the output and the part that is taken."""
     kind.add_argument('bags', type=Path, nargs=bags, metavar='BAG')
     kind.add_argument(

@@ -35,7 +35,7 @@ from piezo_ros.cli.identify.common import (
 from piezo_ros.identification.hysteresis.hysteresis_result import HysteresisFit
 from piezo_ros.identification.hysteresis.records import Record, record_of_blocks
 
-__all__ = ['add_kind']
+__all__ = ['ReducedRun', 'add_kind', 'reduced_run']
 
 _BLOCK_SAMPLES: Final = 500_000
 
@@ -87,7 +87,7 @@ def add_kind(kinds: Any) -> None:
     add_verdict_arguments(kind)
     kind.set_defaults(function=lambda options: identify(
         _make, options, hysteresis=True,
-        read=lambda recording, start, stop: _reduced_run(
+        read=lambda recording, start, stop: reduced_run(
             recording, start, stop, virgin=not options.used, every=options.every)))
 
 
@@ -98,20 +98,51 @@ def _positive(text: str) -> int:
     return value
 
 
-def _reduced_run(
+def reduced_run(
     recording: Recording, start: int, stop: int, *, virgin: bool, every: int,
+    answered: bool = False,
 ) -> ReducedRun:
-    """Read a part of a recording block by block."""
+    """
+    Read voltage and displacement of a part of a recording block by block.
+
+    Parameters
+    ----------
+    recording : Recording
+        The bag.
+    start, stop : int
+        First sample, and one past the last.
+    virgin, every
+        As for `record_of_blocks`.
+    answered : bool, optional
+        Whether to pair each displacement with the voltage that it answers, that of the sample
+        before; before the first sample of a run that is 0 V.
+
+    Raises
+    ------
+    ValueError
+        As `record_of_blocks`; it names the bag.
+
+    """
     lost = list(recording.lost)
+    last_v = np.zeros(1)
 
     def blocks() -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+        nonlocal last_v
         for first in range(start, stop, _BLOCK_SAMPLES):
             run = recording.part(
                 first, min(first + _BLOCK_SAMPLES, stop), streams=('voltage', 'displacement'))
             lost.extend(sentence for sentence in run.lost if sentence not in lost)
-            yield run.voltage_v, run.displacement_um[:run.voltage_v.size]
+            voltage_v = run.voltage_v
+            if answered:
+                if first == start and start + recording.start_index > 0:
+                    last_v = voltage_v[:1]
+                before_v = last_v
+                last_v = voltage_v[-1:]
+                voltage_v = np.concatenate([before_v, voltage_v[:-1]])
+            yield voltage_v, run.displacement_um[:voltage_v.size]
     try:
-        record = record_of_blocks(blocks(), stop - start, virgin=virgin, every=every)
+        record = record_of_blocks(
+            blocks(), stop - start, virgin=virgin, every=every)
     except ValueError as error:
         raise ValueError(f'{recording.path}: {error}') from None
     return ReducedRun(recording.path, recording.sample_period_s, tuple(lost), record)

@@ -49,6 +49,7 @@ _COLUMNS: Final = ('reference_um', 'command_um', 'time_s')
 _SETTINGS: Final = ('sample_period_s', 'repeat_from')
 _SAME_PERIOD: Final = 1e-6  # relative
 _FILE_BYTES: Final = 2**30
+_ROUNDING_SAMPLES: Final = 1e-6
 
 _Floats = NDArray[np.float64]
 
@@ -135,7 +136,7 @@ class MotionTable:
         place = int(np.argmax(steps))
         return place, float(steps[place])
 
-    def check_steps(self, most_um: float) -> None:
+    def check_steps(self, most_um: float, name: str = '') -> None:
         """
         Refuse a motion that jumps, also from its end to the first repeated sample.
 
@@ -143,6 +144,8 @@ class MotionTable:
         ----------
         most_um : float
             Largest step that the stage can follow in a sample period, micrometres.
+        name : str, optional
+            Name of the file, for the refusal.
 
         Raises
         ------
@@ -154,9 +157,80 @@ class MotionTable:
         if step_um > most_um:
             last = self.reference_um.size - 1
             to = 'the first repeated sample' if place == last else f'sample {place + 1}'
-            raise MotionTableError(
-                f'it jumps by {step_um:g} um from sample {place} to {to}, allowed is {most_um:g} '
-                'um in a sample period')
+            raise MotionTableError(_told(
+                name, f'it jumps by {step_um:g} um from sample {place} to {to}, allowed is '
+                f'{most_um:g} um in a sample period' + (
+                    ': it does not close on itself' if place == last and self.repeat_from == 0
+                    else '')))
+
+    def check_start(self, most_um: float, offset_um: float = 0.0, name: str = '') -> None:
+        """
+        Refuse a motion that does not begin where a run begins, at rest at 0.
+
+        Parameters
+        ----------
+        most_um : float
+            As for `check_steps`.
+        offset_um : float, optional
+            What is added to every sample, micrometres.
+        name : str, optional
+            Name of the file, for the refusal.
+
+        Raises
+        ------
+        MotionTableError
+            If the first sample is farther from 0.
+
+        """
+        column = 'reference_um' if self.command_um is None else 'command_um'
+        first_um = float(getattr(self, column)[0]) + offset_um
+        if abs(first_um) > most_um:
+            raise MotionTableError(_told(
+                name, f'{column} is {first_um:g} um at sample 0'
+                + ' with the offset' * (offset_um != 0.0)
+                + f', allowed is {-most_um:g} … {most_um:g} um: a run begins at rest at 0'
+                + (' (ramp_periods gives a reference without commands a soft start)'
+                   if self.command_um is None else '')))
+
+    def check_period(self, frequency_hz: float, score_periods: float, name: str = '') -> None:
+        """
+        Refuse a motion of which the length does not belong to the frequency of the run.
+
+        Parameters
+        ----------
+        frequency_hz : float
+            Frequency of the scan, hertz.
+        score_periods : float
+            Periods at the end of the run that will be scored.
+        name : str, optional
+            Name of the file, for the refusal.
+
+        Raises
+        ------
+        MotionTableError
+            If what is repeated is not a whole number of periods, to half a sample, or what is not
+            repeated is shorter than what is scored.
+
+        """
+        period = 1.0 / (frequency_hz * self.sample_period_s)  # samples
+        if self.repeat_from is None:
+            if self.reference_um.size < math.floor(score_periods * period + _ROUNDING_SAMPLES):
+                raise MotionTableError(_told(
+                    name, f'it has {self.reference_um.size} samples, played once; score_periods is '
+                    f'{score_periods:g}, which are {score_periods * period:.6g} samples of '
+                    f'frequency_hz {frequency_hz:g} Hz'))
+            return
+        length = self.reference_um.size - self.repeat_from
+        whole = max(round(length / period), 1)
+        if abs(length - whole * period) > 0.5:
+            raise MotionTableError(_told(
+                name, f'it repeats {length} samples, {length / period:.6g} periods of '
+                f'frequency_hz {frequency_hz:g} Hz ({period:.6g} samples each), it must be a whole '
+                'number of them'))
+
+
+def _told(name: str, problem: str) -> str:
+    return f'{name}: {problem}' if name else problem
 
 
 @step
@@ -192,7 +266,9 @@ def read_motion_table(path: Path, sample_period_s: float) -> MotionTable:
         elif path.suffix == '.csv':
             columns, settings = _read_csv(path)
         else:
-            raise MotionTableError(f'its suffix is {path.suffix!r}, allowed are .csv, .npz')
+            raise MotionTableError(
+                f'its suffix is {path.suffix!r}, allowed are .csv, .npz; piezo bag motion makes a '
+                'motion of a bag')
         return _table(columns, settings, sample_period_s)
     except OSError as error:
         raise MotionTableError(f'{path}: {error.strerror or error}') from None

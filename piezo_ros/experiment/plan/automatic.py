@@ -24,8 +24,9 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Final
 
 from piezo_ros.control import ControllerParameters, TrajectoryParameters
-from piezo_ros.control.feedforward import PERIODIC
+from piezo_ros.control.shapes.fourier_series import PERIODIC
 from piezo_ros.model import (
+    CompensatorParameters,
     DynamicsParameters,
     HysteresisParameters,
     ParameterError,
@@ -57,7 +58,8 @@ KNOWN_NODES: Final = ('compensator', 'plant', 'trajectory')
 # Parameters of a rig that are in a data sheet. The list is explicit: a new parameter of the rig is
 # not known unless it is added here.
 _DATA_SHEET: Final = (
-    'slew_limit_v_per_s', 'operating_point_v', 'operating_point_um', 'travel_um',
+    'slew_limit_v_per_s', 'average_slew_limit_v_per_s', 'average_slew_time_s',
+    'operating_point_v', 'operating_point_um', 'travel_um',
     'voltage_minimum_v', 'voltage_maximum_v', 'dac_bits', 'dac_span_v', 'adc_bits', 'adc_span_v',
     'sensor_scale_um_per_v', 'noise_rms_um')
 
@@ -118,7 +120,9 @@ def known_rig(
     """
     values = {name: getattr(plant, name) for name in _DATA_SHEET}
     for parameter_set, own, node in (
-        (HysteresisParameters, compensator, 'compensator'),
+        # A creep that is inverted is taken to be there.
+        (CompensatorParameters if isinstance(compensator, CompensatorParameters)
+         else HysteresisParameters, compensator, 'compensator'),
         (DynamicsParameters, trajectory, 'trajectory'),
     ):
         names = parameter_set.names()

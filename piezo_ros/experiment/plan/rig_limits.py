@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the runs of a plan ask of its rig: travel, rails and slew, before anything is driven."""
+"""What the runs of a plan ask of its rig before anything is driven: travel, voltage, current."""
 
 from dataclasses import dataclass
 
@@ -21,10 +21,13 @@ from numpy.typing import NDArray
 
 from piezo_ros.control import simulate, simulate_bare
 from piezo_ros.experiment.plan import Plan
+from piezo_ros.model.effects.load import average_slew
 from piezo_ros.parameters.errors import PlanError
 from piezo_ros.parameters.run import PlannedRun
 
 __all__ = ['Demand', 'check_plan']
+
+_ROUNDING = 1.0 + 1e-9
 
 
 @dataclass(frozen=True)
@@ -44,8 +47,11 @@ class Demand:
         What the amplifier takes.
     slew_v_per_s, slew_limit_v_per_s : float
         Largest slew asked for in the scored periods, and what the amplifier gives; 0: no limit.
+    average_slew_v_per_s, average_limit_v_per_s : float
+        Largest mean absolute slope over the time in which the amplifier averages its current, in
+        the scored periods, and what it keeps up; 0: no limit.
     limited_before, limited_scored : int
-        Samples that ask for more than that, before the scored periods and in them.
+        Samples that ask for more slew, before the scored periods and in them.
     limited_rails : int
         Samples beyond a rail.
 
@@ -59,6 +65,8 @@ class Demand:
     rails_v: tuple[float, float]
     slew_v_per_s: float
     slew_limit_v_per_s: float
+    average_slew_v_per_s: float
+    average_limit_v_per_s: float
     limited_before: int
     limited_scored: int
     limited_rails: int
@@ -67,14 +75,20 @@ class Demand:
     def beyond(self) -> bool:
         """Whether the rig cannot do what is asked where it counts."""
         return bool(
-            self.limited_rails or self.limited_scored or self.highest_um > self.travel_um)
+            self.limited_rails or self.limited_scored or self.beyond_average
+            or self.highest_um > self.travel_um)
+
+    @property
+    def beyond_average(self) -> bool:
+        """Whether more average current is asked for than the amplifier has."""
+        return 0.0 < self.average_limit_v_per_s * _ROUNDING < self.average_slew_v_per_s
 
     @property
     def text(self) -> str:
         """Some lines for people."""
-        limit = 'no limit'
-        if self.slew_limit_v_per_s:
-            limit = f'limit {self.slew_limit_v_per_s / 1e3:g}'
+        limit, average_limit = (
+            f'limit {value / 1e3:g}' if value else 'no limit'
+            for value in (self.slew_limit_v_per_s, self.average_limit_v_per_s))
         lines = [
             self.name,
             f'  travel {self.highest_um:.3f} um of {self.travel_um:g} um'
@@ -83,7 +97,9 @@ class Demand:
             f'{self.rails_v[0]:g} … {self.rails_v[1]:g} V'
             + (f': BEYOND in {self.limited_rails} samples' if self.limited_rails else ''),
             f'  slew {self.slew_v_per_s / 1e3:.2f} V/ms, {limit}'
-            + (f': BEYOND in {self.limited_scored} scored samples' if self.limited_scored else '')]
+            + (f': BEYOND in {self.limited_scored} scored samples' if self.limited_scored else ''),
+            f'  average slew {self.average_slew_v_per_s / 1e3:.2f} V/ms, {average_limit}'
+            + (': BEYOND' if self.beyond_average else '')]
         if self.limited_before:
             lines.append(
                 f'  (beyond the slew limit in {self.limited_before} samples before the scored '
@@ -132,6 +148,9 @@ def _demand(run: PlannedRun, score_periods: float) -> Demand:
         lowest_v=float(voltage_v.min()), highest_v=float(voltage_v.max()), rails_v=(low_v, high_v),
         slew_v_per_s=float(slew_v_per_s[-scored:].max()),
         slew_limit_v_per_s=rig.slew_limit_v_per_s,
+        average_slew_v_per_s=float(average_slew(
+            voltage_v[-scored - 1:], rig.average_slew_time_s, period_s).max()),
+        average_limit_v_per_s=rig.average_slew_limit_v_per_s,
         limited_before=int(too_steep[:-scored].sum()),
         limited_scored=int(too_steep[-scored:].sum()),
         limited_rails=int(((voltage_v < low_v) | (voltage_v > high_v)).sum()))

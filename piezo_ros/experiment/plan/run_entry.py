@@ -20,7 +20,8 @@ from typing import Any, Final
 
 from piezo_ros.control.changes import changes_text, segments
 from piezo_ros.control.tables.motion_table import MotionTable, MotionTableError
-from piezo_ros.control.waveform import EXCITATIONS, FILE, motion_of
+from piezo_ros.control.trajectory import trajectory_constants
+from piezo_ros.control.waveform import FILE, motion_of
 from piezo_ros.experiment.plan.automatic import (
     Known,
     decide,
@@ -47,6 +48,12 @@ SHORT_KEYS: Final = {
     'amplitude_v': 'trajectory',
     'offset_um': 'trajectory',
     'offset_v': 'trajectory',
+    'turn_fraction': 'trajectory',
+    'flyback_fraction': 'trajectory',
+    'stairs': 'trajectory',
+    'axis': 'trajectory',
+    'lissajous_cycles': 'trajectory',
+    'lissajous_phase': 'trajectory',
     'file': 'trajectory',
     'dwell_s': 'trajectory',
     'settle_s': 'trajectory',
@@ -103,7 +110,7 @@ def plan_run(
     if len(set(periods.values())) > 1:
         raise PlanError(f'{where}: sample_period_s differs between the nodes: {periods}')
     run = PlannedRun(name, parameters)
-    _check_travel(where, run)
+    _check_travel(where, run, score_periods)
     _check_changes(where, run)
     if undecided:
         known = known or Known()
@@ -153,15 +160,15 @@ def _name(run: PlannedRun, number: int) -> str:
     return f'{number:03d}_{scheme}_{trajectory.waveform}_{amplitude}_{trajectory.frequency_hz:g}hz'
 
 
-def _check_travel(where: str, run: PlannedRun) -> None:
+def _check_travel(where: str, run: PlannedRun, score_periods: float) -> None:
     trajectory, reach_um = run.trajectory, run.plant.reach_um
     if run.bare:
         _check_rails(where, run.plant, trajectory.amplitude_v + abs(trajectory.offset_v))
         return
     if trajectory.waveform == FILE:
-        _check_motion(where, run)
+        _check_motion(where, run, score_periods)
         return
-    offset_um = abs(trajectory.offset_um) if trajectory.waveform in EXCITATIONS else 0.0
+    offset_um = abs(trajectory.offset_um)
     if not 0.0 < trajectory.amplitude_um <= reach_um - offset_um:
         beside = f', beside the offset of {offset_um:g} um,' if offset_um else ''
         raise PlanError(
@@ -169,20 +176,28 @@ def _check_travel(where: str, run: PlannedRun) -> None:
             f'the stage travels{beside} {reach_um:g} um to either side of its operating point')
 
 
-def _check_motion(where: str, run: PlannedRun) -> None:
-    """Refuse a motion out of a file that the stage cannot make."""
+def _check_motion(where: str, run: PlannedRun, score_periods: float) -> None:
+    """Refuse a motion out of a file that the stage cannot make, or that cannot be scored."""
     trajectory, plant = run.trajectory, run.plant
     try:
         motion = motion_of(trajectory)
-        if not 0.0 < motion.greatest_um <= plant.reach_um:
+        beside_um = abs(trajectory.offset_um)
+        if not 0.0 < motion.greatest_um <= plant.reach_um - beside_um:
+            beside = f', beside the offset of {beside_um:g} um,' if beside_um else ''
             raise MotionTableError(
                 f'{trajectory.file}: it reaches {motion.greatest_um:g} um, it must be above 0, and '
-                f'the stage travels {plant.reach_um:g} um to either side of its operating point')
+                f'the stage travels{beside} {plant.reach_um:g} um to either side of its operating '
+                'point')
+        trajectory_constants(trajectory)  # says what does not go with its commands
         _check_commands(run, motion)
         if plant.slew_limit_v_per_s:
             # Where every element slips, the stage moves farthest for a volt.
-            motion.check_steps(
+            most_um = (
                 plant.slew_limit_v_per_s * trajectory.sample_period_s * plant.kappa_um_per_v[-1])
+            motion.check_steps(most_um, trajectory.file)
+            if motion.command_um is not None or not trajectory.ramp_periods:
+                motion.check_start(most_um, trajectory.offset_um, trajectory.file)
+        motion.check_period(trajectory.frequency_hz, score_periods, trajectory.file)
     except ParameterError as error:
         raise PlanError(f'{where}: {error}') from None
 

@@ -141,9 +141,11 @@ def choose_harmonics(
     return HarmonicsChoice(best.harmonics, tuple(predictions))
 
 
-def _numbers_of_harmonics(trajectory: TrajectoryParameters, highest: int) -> range:
-    """Return the odd numbers of harmonics that waveform and sampling allow."""
-    if trajectory.waveform == 'sine':
-        return range(1, 2)
-    nyquist = 0.5 / (trajectory.frequency_hz * trajectory.sample_period_s)
-    return range(1, min(highest, math.ceil(nyquist) - 1) + 1, 2)
+def _numbers_of_harmonics(trajectory: TrajectoryParameters, highest: int) -> tuple[int, ...]:
+    """Return the odd numbers of harmonics that waveform and sampling allow; 0 for a staircase."""
+    if trajectory.waveform in ('sine', 'lissajous'):
+        return (1,)
+    nyquist = 0.5 / (trajectory.fundamental_hz * trajectory.sample_period_s)
+    numbers = range(1, min(highest, math.ceil(nyquist) - 1) + 1, 2)
+    # So few harmonics make a triangle of most staircases: without any it may be followed better.
+    return (0, *numbers) if trajectory.waveform == 'staircase' else tuple(numbers)

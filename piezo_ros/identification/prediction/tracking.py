@@ -28,7 +28,8 @@ E is the known error: harmonics beyond m, the hold, a feedforward that inverts a
 A relative uncertainty |Delta| <= |W| adds |G U W|, (14), under feedback |S G U W|, (15). The two
 parts have unrelated phases:
 
-    NRMSE^2 = (sum_k (|E_k|^2 + |uncertain_k|^2)/2 + mean square of harmonics not listed) / (2 A)^2
+    NRMSE^2 = (sum_k (|E_k|^2 + |uncertain_k|^2)/2 + mean square of harmonics not listed
+              + |E_0|^2 + |uncertain_0|^2 of the offset) / (2 A)^2
 
 A rig (hysteresis, rails, slew limit) is simulated too; the simulated NRMSE then takes the place of
 the known part. Where the place of the hysteresis among its poles is not decided, it is simulated
@@ -55,7 +56,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from piezo_ros.control import ControllerParameters, TrajectoryParameters, simulate
-from piezo_ros.control.feedforward import fourier_amplitudes, mean_square_um2
+from piezo_ros.control.shapes.fourier_series import fourier_amplitudes, mean_square_um2
 from piezo_ros.identification.prediction.accuracy import (
     ErrorInterval,
     ModelAccuracy,
@@ -65,6 +66,7 @@ from piezo_ros.identification.prediction.placement import placements
 from piezo_ros.identification.tuning.linear_plant import Bound, Model, bound_magnitude
 from piezo_ros.identification.tuning.pi_loop import PiLoop
 from piezo_ros.model import HysteresisParameters, LinearDynamics, RigParameters
+from piezo_ros.model.effects.load import average_slew
 
 __all__ = ['TrackingPrediction', 'predict_tracking']
 
@@ -107,8 +109,9 @@ class TrackingPrediction:
     slew_v_per_s, voltage_minimum_v, voltage_maximum_v : float or None
         Fastest change and extremes of the voltage that the simulated run asks for, the extremes as
         deviations from the operating point; None without a rig.
-    slew_limited, rail_limited : bool
-        Whether the amplifier cannot follow; false without a rig.
+    slew_limited, rail_limited, average_limited : bool
+        Whether the amplifier cannot follow, the last one for its average current; false without a
+        rig.
     model_percent, hysteresis_percent : float
         The parts that are due to the errors of the dynamics and of the hysteresis as far as
         identification tells them.
@@ -139,6 +142,7 @@ class TrackingPrediction:
     voltage_maximum_v: float | None = None
     slew_limited: bool = False
     rail_limited: bool = False
+    average_limited: bool = False
     model_percent: float = 0.0
     hysteresis_percent: float = 0.0
     noise_percent: float = 0.0
@@ -173,8 +177,8 @@ class TrackingPrediction:
 
     @property
     def is_limited(self) -> bool:
-        """Whether the amplifier reaches its slew limit or a rail."""
-        return self.slew_limited or self.rail_limited
+        """Whether the amplifier reaches its slew limit, its average current or a rail."""
+        return self.slew_limited or self.rail_limited or self.average_limited
 
     def record(self) -> dict[str, float | bool | list[float] | list[str] | None]:
         """Return every number under its name, for report.json and tables."""
@@ -195,6 +199,7 @@ class TrackingPrediction:
             'slew_v_per_s': self.slew_v_per_s,
             'slew_limited': self.slew_limited,
             'rail_limited': self.rail_limited,
+            'average_limited': self.average_limited,
         }
 
 
@@ -275,12 +280,12 @@ def _by_spectra(
 ) -> TrackingPrediction:
     """Return the error of a linear rig, harmonic by harmonic."""
     period_s = trajectory.sample_period_s
-    nyquist_harmonic = math.ceil(0.5 / (trajectory.frequency_hz * period_s)) - 1
+    nyquist_harmonic = math.ceil(0.5 / (trajectory.fundamental_hz * period_s)) - 1
     highest = min(max(nyquist_harmonic, 1), _MOST_HARMONICS)
-    all_amplitudes = fourier_amplitudes(trajectory.waveform, trajectory.amplitude_um, highest)
+    all_amplitudes = fourier_amplitudes(trajectory, highest)
     order = np.flatnonzero(all_amplitudes) + 1
     amplitude = all_amplitudes[order - 1]
-    frequency = np.asarray(order * trajectory.frequency_hz, dtype=np.float64)
+    frequency = np.asarray(order * trajectory.fundamental_hz, dtype=np.float64)
     # Without feedback the gains do not matter, but a loop needs some.
     gains = (controller.proportional_gain, controller.integral_gain_per_s)
     loop = PiLoop.of(
@@ -302,13 +307,20 @@ def _by_spectra(
     model_error = np.abs(sensitivity * output) * accuracy.relative_error(frequency)
     # The residual of the hysteresis has the harmonics of the scan, with 1/k, as far as is sampled.
     low = frequency[:1] * _RESIDUAL_HARMONICS[_RESIDUAL_HARMONICS < 0.5 / (
-        trajectory.frequency_hz * period_s)]
+        trajectory.fundamental_hz * period_s)]
     passed = np.abs(loop.plant_response(low)) / abs(loop.plant.dc_gain)
     if controller.uses_feedback and any(gains):
         passed = passed * np.abs(loop.sensitivity(low))
     weight = 1.0 / _RESIDUAL_HARMONICS[:low.size] ** 2
-    whole_um2 = mean_square_um2(trajectory.waveform, trajectory.amplitude_um)
-    left_out_um2 = max(whole_um2 - 0.5 * float(np.sum(amplitude**2)), 0.0)
+    left_out_um2 = max(
+        mean_square_um2(trajectory) - 0.5 * float(np.sum(amplitude**2)), 0.0)
+    mean_gain, mean_sensitivity = _mean_gain(trajectory, controller, loop)
+    passed_um = abs(trajectory.offset_um * mean_gain * mean_sensitivity)
+    left_of_mean_um2 = (trajectory.offset_um * (1.0 - mean_gain)) ** 2
+    # The model is as uncertain at 0 Hz as at the lowest frequency of the waveform.
+    uncertain_mean_um2 = 0.0 if uncertainty is None else float(
+        passed_um * bound_magnitude(uncertainty, frequency[:1])[0]) ** 2
+    model_mean_um2 = float(passed_um * accuracy.relative_error(frequency[:1])[0]) ** 2
 
     def percent(amplitudes_um: _Floats, further_um2: float) -> float:
         mean_square = 0.5 * float(np.sum(amplitudes_um**2)) + further_um2
@@ -316,13 +328,29 @@ def _by_spectra(
 
     return TrackingPrediction(
         scheme=controller.scheme, harmonics=trajectory.harmonics,
-        linear_nrmse_percent=percent(np.hypot(np.abs(known), uncertain), left_out_um2),
+        linear_nrmse_percent=percent(
+            np.hypot(np.abs(known), uncertain),
+            left_out_um2 + left_of_mean_um2 + uncertain_mean_um2),
         truncation_percent=percent(np.abs(known[order > trajectory.harmonics]), left_out_um2),
-        uncertainty_percent=percent(uncertain, 0.0),
+        uncertainty_percent=percent(uncertain, uncertain_mean_um2),
         frequency_hz=frequency, reference_um=amplitude, known_error_um=known,
-        uncertain_error_um=uncertain, model_percent=percent(model_error, 0.0),
+        uncertain_error_um=uncertain, model_percent=percent(model_error, model_mean_um2),
         unknown=accuracy.unknown(bound=uncertainty is not None),
         residual_gain=math.sqrt(float(np.average(passed**2, weights=weight))))
+
+
+def _mean_gain(
+    trajectory: TrajectoryParameters, controller: ControllerParameters, loop: PiLoop,
+) -> tuple[float, float]:
+    """Return the gain from the offset to the mean displacement, and the sensitivity at 0 Hz."""
+    gain = loop.plant.dc_gain
+    forward = 1.0 / trajectory.dc_gain if controller.uses_feedforward else 0.0
+    if controller.uses_feedback and controller.integral_gain_per_s:
+        return 1.0, 0.0
+    if controller.uses_feedback:
+        sensitivity = 1.0 / (1.0 + controller.proportional_gain * gain)
+        return sensitivity * gain * (forward + controller.proportional_gain), sensitivity
+    return gain * (1.0 if controller.scheme == 'open_loop' else forward), 1.0
 
 
 def _feedforward_gain(
@@ -333,7 +361,8 @@ def _feedforward_gain(
     if trajectory.harmonics == 0:
         return np.full(order.size, 1.0 / trajectory.dc_gain, dtype=np.complex128)
     return np.where(
-        order <= trajectory.harmonics, 1.0 / model.response(order * trajectory.frequency_hz), 0.0)
+        order <= trajectory.harmonics, 1.0 / model.response(order * trajectory.fundamental_hz),
+        0.0)
 
 
 def _with_residual(
@@ -379,4 +408,6 @@ def _with_simulation(
         voltage_minimum_v=float(voltage.min()),
         voltage_maximum_v=float(voltage.max()),
         slew_limited=0.0 < rig.slew_limit_v_per_s * (1.0 + _SLEW_TOLERANCE) < slew,
-        rail_limited=bool(voltage.min() < low or voltage.max() > high))
+        rail_limited=bool(voltage.min() < low or voltage.max() > high),
+        average_limited=0.0 < rig.average_slew_limit_v_per_s * (1.0 + _SLEW_TOLERANCE) < float(
+            np.max(average_slew(voltage, rig.average_slew_time_s, period_s))))

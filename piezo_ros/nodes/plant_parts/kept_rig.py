@@ -41,7 +41,7 @@ class KeptRig:
 
     def __init__(self) -> None:
         self.rig: Rig | None = None
-        self._saturated_before = (0, 0)
+        self._saturated_before, self._average_before = (0, 0), 0
 
     def configure(
         self, parameters: RigParameters, sample_period_s: float, *, compiled: bool,
@@ -57,7 +57,7 @@ class KeptRig:
         if rig is None or (rig.parameters, rig.sample_period_s, rig.is_compiled) != wanted:
             rig = self.rig = Rig(
                 self._parameters, self._period_s, compiled=self._is_compiled)
-            self._saturated_before = (0, 0)
+            self._saturated_before, self._average_before = (0, 0), 0
         return rig
 
     def begin_run(self, *, keep_state: bool) -> Rig:
@@ -69,6 +69,7 @@ class KeptRig:
         if rig is known:
             rig.drive(np.zeros(1))  # once driven, it rests at zero volts wherever that is
         self._saturated_before = rig.saturated_samples
+        self._average_before = rig.average_current_samples
         return rig
 
     @property
@@ -82,6 +83,12 @@ class KeptRig:
         rail, slew = self.rig.saturated_samples if self.rig else (0, 0)
         rail_before, slew_before = self._saturated_before
         return max(0, rail - rail_before), max(0, slew - slew_before)
+
+    @property
+    def average_current_samples(self) -> int:
+        """Number of samples of the run beyond the average current."""
+        whole = self.rig.average_current_samples if self.rig else 0
+        return max(0, whole - self._average_before)
 
     def refusal(self, slew_v_per_s: float) -> str:
         """Return why the ramp to zero cannot have a slew: it would not end; '' if it can."""

@@ -25,11 +25,12 @@ from piezo_ros.identification import (
     HysteresisFit,
     UncertaintyBound,
 )
+from piezo_ros.identification.creep.creep_fit import CreepFit
 from piezo_ros.report.figures.frequency_response import ResponseCurve, response_figure
 from piezo_ros.report.figures.style import FAINT, SERIES, figure_style
 from piezo_ros.report.figures.uncertainty import BoundCurve, uncertainty_figure
 
-__all__ = ['bound_figure', 'fitted_response_figure', 'residual_figure']
+__all__ = ['bound_figure', 'creep_figure', 'fitted_response_figure', 'residual_figure']
 
 _MOST_PLOTTED: Final = 4000  # points of a curve; more cannot be distinguished
 _MOST_AMPLITUDES: Final = 6
@@ -127,3 +128,41 @@ def bound_figure(bound: UncertaintyBound) -> Figure:
     return uncertainty_figure(
         bound.frequency_hz, np.abs(bound.uncertainty),
         [BoundCurve(f'W, order {bound.order}', frequency_hz, bound.magnitude(frequency_hz))])
+
+
+def creep_figure(fit: CreepFit) -> Figure:
+    """
+    Draw what a stage has crept, measured and as identified, and below it the residual.
+
+    Parameters
+    ----------
+    fit : CreepFit
+        The identified creep.
+
+    Returns
+    -------
+    Figure
+        Creep and residual over time.
+
+    """
+    step = -(-fit.time_s.size // _MOST_PLOTTED)
+    time_s, displacement_um, still_um, predicted_um = (
+        values[::step] for values in (
+            fit.time_s, fit.displacement_um, fit.still_um, fit.predicted_um))
+    with figure_style():
+        figure = Figure(figsize=(6.4, 5.6), layout='constrained')
+        crept, residual = figure.subplots(2, 1, sharex=True, gridspec_kw={'height_ratios': (3, 2)})
+        crept.plot(
+            time_s, 1e3 * (displacement_um - still_um), color=FAINT, linewidth=2.4,
+            label='measured')
+        crept.plot(
+            time_s, 1e3 * (predicted_um - still_um), color=SERIES[0], linewidth=0.9,
+            label=f'creep, {100.0 * fit.parameters.creep_per_decade:.3g} % a decade, and drift')
+        crept.set_ylabel('creep (nm)')
+        crept.legend()
+        residual.plot(
+            time_s, 1e3 * (displacement_um - predicted_um), color=SERIES[0], linewidth=0.5)
+        residual.set_xlabel('time (s)')
+        residual.set_ylabel('residual (nm)')
+        residual.set_title(f'{1e3 * fit.rms_um:.3g} nm rms', loc='right', fontsize='medium')
+    return figure

@@ -81,3 +81,14 @@ def test_a_study_cannot_be_checked(tmp_path):
     path.write_text('{format_version: 1, study: paper}')
     with pytest.raises(PlanError, match='the study paper decides on its runs'):
         check_plan(read_plan(path))
+
+
+def test_the_average_current_is_told_and_counts_where_it_is_scored(demand):
+    asked = demand(scheme='ff').average_slew_v_per_s
+    # A triangle asks for 4 A f of displacement, here over 1.28 um/V and more.
+    assert 500.0 < asked < 1500.0
+    found = demand(scheme='ff', plant={'average_slew_limit_v_per_s': 0.9 * asked})
+    assert found.beyond
+    assert f'average slew {asked / 1e3:.2f} V/ms' in demand(scheme='ff').text
+    assert ': BEYOND' in found.text
+    assert not demand(scheme='ff', plant={'average_slew_limit_v_per_s': 1.1 * asked}).beyond

@@ -40,6 +40,22 @@ def test_the_spectra_foresee_what_a_linear_rig_does(scheme, waveform, harmonics)
     assert not simulated.is_limited
 
 
+@pytest.mark.parametrize('scheme', ['ff', 'fbff', 'fb', 'open_loop'])
+@pytest.mark.parametrize('values', [
+    {'offset_um': 2.0}, {'waveform': 'sawtooth', 'offset_um': -1.0, 'harmonics': 12},
+    {'turn_fraction': 0.3, 'harmonics': 15},
+    {'waveform': 'staircase', 'stairs': 2, 'turn_fraction': 1.0, 'harmonics': 25},
+    {'waveform': 'lissajous', 'axis': 2, 'lissajous_cycles': (1.0, 3.0)}])
+def test_the_spectra_foresee_other_waveforms_with_their_offset(scheme, values):
+    trajectory = TrajectoryParameters(frequency_hz=200.0, periods=30.0, **values)
+    # The dc gain is another one too, as only that shows in an offset.
+    true = OTHER.replaced(gain_k_rad3_per_s3=0.97 * OTHER.gain_k_rad3_per_s3)
+    law = ControllerParameters(scheme=scheme, measurement_delay_samples=2)
+    spectral = predict_tracking(LinearDynamics(true), trajectory, law)
+    simulated = predict_tracking(LINEAR_RIG.replaced(**true.to_mapping()), trajectory, law)
+    assert spectral.nrmse_percent == pytest.approx(simulated.nrmse_percent, rel=3e-3)
+
+
 def test_uncertainty_enters_as_in_14_and_15():
     trajectory = TrajectoryParameters(frequency_hz=400.0)
     model = LinearDynamics()
