@@ -53,6 +53,7 @@ from piezo_ros.model.creep import (
     drift_step,
 )
 from piezo_ros.model.dynamics import DynamicsParameters, LinearDynamics
+from piezo_ros.model.effects.delay import delay_step
 from piezo_ros.model.effects.load import (
     NO_LOAD,
     STATE_SIZE,
@@ -399,18 +400,6 @@ def measure_step(constants: RigConstants, displacement_um: float, unit_noise_val
 
 
 @step
-def _delay_step(delayed_v: Vector, samples: int, voltage_v: float) -> float:
-    """Return the voltage of so many samples before."""
-    if samples == 0:
-        return voltage_v
-    place = 1 + int(delayed_v[0])
-    oldest_v: float = delayed_v[place]
-    delayed_v[place] = voltage_v
-    delayed_v[0] = float(place % samples)
-    return oldest_v
-
-
-@step
 def rig_step(state: RigState, constants: RigConstants, voltage_v: float) -> float:
     """Hold a voltage for one sample period and return the true displacement at its end."""
     drive_v = convert_step(constants.dac, voltage_v)
@@ -427,7 +416,7 @@ def rig_step(state: RigState, constants: RigConstants, voltage_v: float) -> floa
     drive_v = allowed_voltage(state.load, constants.load, state.drive_v[0], drive_v)
     state.drive_v[0] = drive_v
     state.drive_v[3] = voltage_v
-    drive_v = _delay_step(state.delayed_v, constants.delay_samples, drive_v)
+    drive_v = delay_step(state.delayed_v, constants.delay_samples, drive_v)
     true_um = 0.0
     if constants.lumped:
         free_um = hysteresis_step(state.hysteresis, constants.hysteresis, drive_v)
