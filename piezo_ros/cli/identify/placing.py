@@ -18,7 +18,7 @@ import argparse
 import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +36,9 @@ if TYPE_CHECKING:
     from piezo_ros.identification.dynamics.identified_dynamics import DynamicsFit
     from piezo_ros.identification.place.hysteresis_place import HysteresisPlace, TimeRecord
     from piezo_ros.identification.response.frequency_response import FrequencyResponse
+
+_CLEARLY: Final = 0.9  # share of what other dynamics miss of the record in time
+
 
 def add_place_arguments(kind: argparse.ArgumentParser) -> None:
     """Describe the bags that tell where the hysteresis is."""
@@ -113,7 +116,7 @@ def placed_fit(
         found = fit_linearised(
             fit, points, records, hysteresis, respond, delay_samples=options.delay_samples)
         place = _place_in_time(options, found.fit.parameters, runs) if found else None
-        if found and place and place.candidates[0].has_poles_before:
+        if found and place and _is_borne_out(options, place, fit.parameters, runs):
             place = place.decided_by_points()
             return PlacedFit(found.fit, found.response, place, (
                 f'{found} explains the points: its effect is taken out of them',
@@ -166,6 +169,19 @@ def _told_place(
         except (BagError, ValueError) as error:
             return None, (f'place of the hysteresis: undecided, {error}',)
     return place, (f'place of the hysteresis: {place}',)
+
+
+def _is_borne_out(
+    options: argparse.Namespace, place: 'HysteresisPlace', without: DynamicsParameters | None,
+    runs: list[Run],
+) -> bool:
+    """Return whether the records in time too ask for poles before the hysteresis."""
+    if not place.candidates[0].has_poles_before:
+        return False
+    if place.is_decided:
+        return True
+    other = _place_in_time(options, without, runs)
+    return other is None or place.misfit_um < _CLEARLY * other.misfit_um
 
 
 def _place_in_time(
