@@ -35,7 +35,8 @@ _DIFFERENCES: Final = 'PuOr'
 _NM_PER_UM: Final = 1e3
 _SPREAD: Final = 99.5  # percentile of a map that its colours reach
 _LEAST_PX: Final = 1e-3  # below it a map has one colour
-_MOST_COLUMNS: Final = 4
+_LEFT: Final = 0.085
+_ANISOTROPIC: Final = 4.0  # beyond it an image does not keep its proportions
 
 
 class _Panel(NamedTuple):
@@ -75,11 +76,11 @@ def scan_figure(scan: ScannedImage) -> Figure:
         _Panel('deviation along y', y_px, 'lines', True),
         _Panel('retrace less trace, x', back_px - x_px, 'pixels', True))
     with figure_style():
-        figure = Figure(figsize=(WIDTH_IN, 5.0))
+        figure = Figure(figsize=(WIDTH_IN, 4.2))
         axes = figure.subplots(
             2, 3, sharex=True, sharey=True,
-            gridspec_kw={'left': 0.07, 'right': 0.935, 'top': 0.945, 'bottom': 0.09,
-                         'wspace': 0.5, 'hspace': 0.2})
+            gridspec_kw={'left': _LEFT, 'right': 0.915, 'top': 0.945, 'bottom': 0.09,
+                         'wspace': 0.62, 'hspace': 0.2})
         for place, panel in zip(axes.flat, panels, strict=True):
             _draw(figure, place, scan, panel, _limits([panel]))
         for place in axes[1]:
@@ -101,7 +102,8 @@ def comparison_figure(scans: Sequence[ScannedImage]) -> Figure:
     Returns
     -------
     Figure
-        The ideal image and the traces with a common scale of heights.
+        The ideal image and the traces with a common scale of heights, below them the traces less
+        their ideal images.
 
     Raises
     ------
@@ -111,36 +113,37 @@ def comparison_figure(scans: Sequence[ScannedImage]) -> Figure:
     """
     if not scans:
         raise ValueError('scans is empty, a figure needs at least one scan')
-    panels = [_Panel('ideal', _NM_PER_UM * scans[0].images.ideal(scans[0].sample),
-                     'height (nm)', False)]
-    panels += [
-        _Panel(scan.variant, _NM_PER_UM * scan.images.trace(scan.sample), 'height (nm)', False)
-        for scan in scans]
-    limits = _limits(panels)
-    columns = min(len(panels), _MOST_COLUMNS)
-    rows = -(-len(panels) // columns)
+    traces_um = [scan.images.trace(scan.sample) for scan in scans]
+    ideals_um = [scan.images.ideal(scan.sample) for scan in scans]
+    seen = [_Panel('ideal', _NM_PER_UM * ideals_um[0], 'height (nm)', False)]
+    seen += [_Panel(scan.variant, _NM_PER_UM * trace_um, 'height (nm)', False)
+             for scan, trace_um in zip(scans, traces_um, strict=True)]
+    less = [_Panel(f'{scan.variant}, less ideal', _NM_PER_UM * (trace_um - ideal_um),
+                   'difference (nm)', True)
+            for scan, trace_um, ideal_um in zip(scans, traces_um, ideals_um, strict=True)]
+    columns = len(seen)
+    height_in = 0.75 + 2.0 * _square_in(columns)
     with figure_style():
-        figure = Figure(figsize=(WIDTH_IN, 0.6 + 1.75 * rows))
+        figure = Figure(figsize=(WIDTH_IN, height_in))
         axes = figure.subplots(
-            rows, columns, sharex=True, sharey=True, squeeze=False,
-            gridspec_kw={'left': 0.07, 'right': 0.9, 'top': 1.0 - 0.28 / (0.6 + 1.75 * rows),
-                         'bottom': 0.42 / (0.6 + 1.75 * rows), 'wspace': 0.12, 'hspace': 0.25})
-        drawn = None
-        of_panels = [scans[0], *scans]
-        for place, panel, scan in zip(axes.flat, panels, of_panels, strict=False):
-            drawn = _show(place, scan, panel, limits)
-        for place in axes.flat[len(panels):]:
-            place.set_visible(False)
-        for place in axes[-1]:
+            2, columns, sharex=True, sharey=True, squeeze=False,
+            gridspec_kw={'left': _LEFT, 'right': 0.9, 'top': 1.0 - 0.22 / height_in,
+                         'bottom': 0.43 / height_in, 'wspace': 0.08, 'hspace': 0.22})
+        axes[1, 0].set_visible(False)
+        axes[0, 0].tick_params(labelbottom=True)
+        axes[1, 1].tick_params(labelleft=True)
+        for row, panels, members in ((axes[0], seen, [scans[0], *scans]),
+                                     (axes[1, 1:], less, scans)):
+            limits = _limits(panels)
+            for place, panel, scan in zip(row, panels, members, strict=True):
+                drawn = _show(place, scan, panel, limits)
+            box = row[-1].get_position()
+            bar = figure.colorbar(
+                drawn, cax=figure.add_axes((0.912, box.y0, 0.014, box.height)))
+            _finish_bar(bar, panels[0].unit)
+        for place in (axes[0, 0], *axes[1, 1:]):
             place.set_xlabel('x (µm)')
-        for place in axes[:, 0]:
-            place.set_ylabel('y (µm)')
-        assert drawn is not None
-        bar = figure.colorbar(
-            drawn, cax=figure.add_axes((0.915, axes[-1, 0].get_position().y0, 0.016,
-                                        axes[0, 0].get_position().y1
-                                        - axes[-1, 0].get_position().y0)))
-        _finish_bar(bar, 'height (nm)')
+        axes[0, 0].set_ylabel('y (µm)')
     return figure
 
 
@@ -205,7 +208,8 @@ def _draw(
     low, high = float(panel.values.min()), float(panel.values.max())
     beyond = {(False, False): 'neither', (True, False): 'min', (False, True): 'max',
               (True, True): 'both'}[low < limits[0], high > limits[1]]
-    bar = figure.colorbar(drawn, ax=place, extend=beyond, fraction=0.05, pad=0.03)
+    bar = figure.colorbar(
+        drawn, cax=place.inset_axes((1.04, 0.0, 0.055, 1.0)), extend=beyond)
     _finish_bar(bar, panel.unit)
 
 
@@ -216,17 +220,24 @@ def _show(
     half_x_um = 0.5 * scan.images.pixel_um
     half_y_um = 0.5 * (y_um[-1] - y_um[0]) / (y_um.size - 1)
     # With the first line at its own place: at the bottom if the slow axis ascends.
+    ratio = abs(y_um[-1] - y_um[0]) / (x_um[-1] - x_um[0])
     drawn = place.imshow(
-        panel.values, origin='lower', aspect='auto', interpolation='nearest',
+        panel.values, origin='lower',
+        aspect='equal' if 1.0 / _ANISOTROPIC < ratio < _ANISOTROPIC else 'auto', interpolation='nearest',
         cmap=_DIFFERENCES if panel.is_difference else _HEIGHTS, vmin=limits[0], vmax=limits[1],
         extent=(x_um[0] - half_x_um, x_um[-1] + half_x_um,
                 y_um[0] - half_y_um, y_um[-1] + half_y_um))
     if y_um[-1] < y_um[0]:
         place.invert_yaxis()
     place.grid(visible=False)
-    place.set_title(panel.title, loc='left', fontsize=9.0, pad=3)
+    place.set_title(panel.title, loc='left', fontsize=8.5, pad=3)
     place.locator_params(nbins=4)
     return drawn
+
+
+def _square_in(columns: int) -> float:
+    """Return the height of panels side by side that are about square, with their titles."""
+    return (0.9 - _LEFT) * WIDTH_IN / (1.08 * columns) + 0.2
 
 
 def _finish_bar(bar: Any, unit: str) -> None:
