@@ -81,9 +81,10 @@ def _run_live(options: argparse.Namespace) -> int:
                 f'{plan.path} has raster scans, for which --keep is not there; --composed is')
         with Supervisor(options.namespace) as supervisor:
             if plan.scans:
+                from piezo_ros.experiment.plan.raster_scan import AXES
                 from piezo_ros.live.raster_rigs import RasterRigs
                 supervisor.exit_code = run_scans(plan, options.output, RasterRigs(
-                    supervisor, options.output, composed=options.composed,
+                    supervisor, options.output, AXES, composed=options.composed,
                     progress=progress.show), progress)
                 return supervisor.exit_code
             if plan.study or options.keep:

@@ -20,10 +20,11 @@ that of the sample at the *displacement* then. The lines on which the reference 
 trace, the others the retrace. Of each line its central part is taken, the turns are left out.
 
 The frame consists of those consecutive lines between which the slow reference goes on in one
-direction, step by step: not of those of an approach, a rest, or the way back. Of several frames the
+direction by even steps: not of those of an approach, a rest, or the way back. Of several frames the
 longest is taken, of equal ones the first.
 """
 
+import itertools
 from dataclasses import dataclass
 from typing import Final
 
@@ -35,7 +36,8 @@ from piezo_ros.imaging.synthetic_sample import SyntheticSample
 __all__ = ['RasterImages', 'raster_images']
 
 _LEAST_LINES: Final = 2
-_STEP_RATIO: Final = 2.0  # of a step of the slow axis to the usual one, either way
+_UNEVEN: Final = 0.05  # how far a step of the slow axis may be off the one before
+_UNEVEN_SAMPLES: Final = 4.0  # and so many samples more: lines begin at whole ones
 _STANDSTILL: Final = 1e-9  # of the travel of the slow axis
 
 _Floats = NDArray[np.float64]
@@ -145,7 +147,8 @@ def raster_images(
     pairs = _pairs(fast_reference_um)
     centres_um = np.array([
         float(np.mean(slow_reference_um[trace[0]:trace[1] + 1])) for trace, _ in pairs])
-    pairs = pairs[_frame(centres_um)]
+    line_samples = float(np.median([back[1] - trace[0] for trace, back in pairs]))
+    pairs = pairs[_frame(centres_um, _UNEVEN + _UNEVEN_SAMPLES / line_samples)]
     low_um, high_um = _ends(fast_reference_um, pairs)
     half_um = 0.5 * central * (high_um - low_um)
     places_um = 0.5 * (high_um + low_um) + half_um * (
@@ -199,9 +202,9 @@ def _check(
 def _pairs(reference_um: _Floats) -> list[tuple[_Line, _Line]]:
     """Return every rising line with the falling one that follows, as samples."""
     extremes = _extremes(reference_um)
-    lines = list(zip(extremes, extremes[1:], strict=False))
+    lines = list(itertools.pairwise(extremes))
     pairs = [
-        (trace, back) for trace, back in zip(lines, lines[1:], strict=False)
+        (trace, back) for trace, back in itertools.pairwise(lines)
         if reference_um[trace[1]] > reference_um[trace[0]]]
     return _enough(pairs)
 
@@ -210,7 +213,7 @@ def _enough(pairs: list[tuple[_Line, _Line]]) -> list[tuple[_Line, _Line]]:
     if len(pairs) < _LEAST_LINES:
         raise ValueError(
             f'the fast reference holds {len(pairs)} whole lines, at least {_LEAST_LINES} are '
-            'needed')
+            'needed: it must be that of the axis that goes to and fro on each line')
     return pairs
 
 
@@ -254,25 +257,25 @@ def _ends(reference_um: _Floats, pairs: list[tuple[_Line, _Line]]) -> tuple[floa
     return float(np.median(np.concatenate([starts_um, backs_um]))), float(np.median(tops_um))
 
 
-def _frame(centres_um: _Floats) -> slice:
-    """Return which consecutive lines the slow axis goes through in one direction."""
+def _frame(centres_um: _Floats, uneven: float) -> slice:
+    """Return which consecutive lines the slow axis goes through in one direction, evenly."""
     steps_um = np.diff(centres_um)
-    moves = np.abs(steps_um) > _STANDSTILL * max(float(np.ptp(centres_um)), 1e-12)
-    usual_um = float(np.median(np.abs(steps_um[moves]))) if moves.any() else 0.0
-    regular = moves & (np.abs(steps_um) < _STEP_RATIO * usual_um) & (
-        np.abs(steps_um) > usual_um / _STEP_RATIO)
-    way = np.where(regular, np.sign(steps_um), 0.0)
+    moves = np.abs(steps_um) > _STANDSTILL * float(np.ptp(centres_um))
+    # Whether a step goes on as the one before.
+    sizes_um = np.abs(steps_um)
+    goes_on = moves[1:] & moves[:-1] & (
+        np.abs(np.diff(steps_um)) < uneven * np.minimum(sizes_um[1:], sizes_um[:-1]))
     best = (0, 0)
     first = 0
-    for place in range(1, way.size + 1):
-        if place == way.size or way[place] != way[first]:
-            if way[first] and place - first > best[1] - best[0]:
+    for place in range(1, steps_um.size + 1):
+        if place == steps_um.size or not goes_on[place - 1]:
+            if moves[first] and place - first > best[1] - best[0]:
                 best = (first, place)
             first = place
-    if best[1] - best[0] + 1 < _LEAST_LINES or best == (0, 0):
+    if best == (0, 0):
         raise ValueError(
-            f'the slow reference goes from line to line by {np.abs(steps_um).max():.3g} um at '
-            'most, not on and on in one direction: there is no image')
+            'the slow reference does not go from line to line: it stays within '
+            f'{float(np.ptp(centres_um)):.3g} um, so that there is no image')
     return slice(best[0], best[1] + 1)
 
 

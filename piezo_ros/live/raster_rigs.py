@@ -19,10 +19,9 @@ are started and ended together: where one fails, the other does not go on alone.
 """
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
-from piezo_ros.experiment.plan.raster_scan import AXES, FAST
 from piezo_ros.live.graph_per_run import GraphPerRun, LiveRun
 from piezo_ros.live.process_group import POLL_S
 from piezo_ros.live.supervisor import Supervisor
@@ -42,6 +41,8 @@ class RasterRigs:
         What starts and ends the processes; the axes are in namespaces below its own.
     directory : Path
         Output directory; logs/ and parameters/ go below it.
+    axes : sequence of str
+        Names of the axes and of their namespaces, the fast one first.
     composed : bool
         One process for the four nodes of each axis in place of four.
     progress : callable
@@ -50,7 +51,8 @@ class RasterRigs:
     """
 
     def __init__(
-        self, supervisor: Supervisor, directory: Path, *, composed: bool = False,
+        self, supervisor: Supervisor, directory: Path, axes: Sequence[str], *,
+        composed: bool = False,
         progress: Callable[[float], None] = lambda share: None,
     ) -> None:
         self._shares: dict[str, float] = {}
@@ -59,7 +61,7 @@ class RasterRigs:
             axis: GraphPerRun(
                 supervisor.below(axis), directory, composed=composed,
                 progress=self._progress_of(axis))
-            for axis in AXES}
+            for axis in axes}
 
     def alone(self, planned: PlannedRun, bag: Path) -> RunResult:
         """
@@ -72,7 +74,8 @@ class RasterRigs:
 
         """
         self._shares.clear()
-        return self._graphs[FAST](planned, bag)
+        fast = next(iter(self._graphs.values()))
+        return fast(planned, bag)
 
     def together(
         self, planned: Mapping[str, PlannedRun], bags: Mapping[str, Path],

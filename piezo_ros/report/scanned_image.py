@@ -159,7 +159,8 @@ def scanned_image(
     sample = SyntheticSample(pitch_um=width_um / _GRATINGS, size_um=max(width_um, length_um))
     return ScannedImage(
         name, case, variant, bags, images, sample, image_quality(images, sample),
-        image_quality(measured, sample).rms_px, known, fast.sample_period_s)
+        float(np.sqrt(np.mean(sum(part**2 for part in measured.trace_deviation_px)))), known,
+        fast.sample_period_s)
 
 
 def tip_um(run: Run) -> NDArray[np.float64] | None:

@@ -231,11 +231,11 @@ def read_scans(
         for fast in _combinations(f'{where}: {FAST}', both[FAST]):
             if len(scans) == _MOST_SCANS:
                 raise PlanError(f'{where}: the plan has more than {_MOST_SCANS} scans')
-            axes = [
-                _axis(f'{where}: {axis}', axis, values, base, known, read_sections)
-                for axis, values in ((FAST, fast), (SLOW, both[SLOW]))]
-            scans.append(_scan(
-                where, {**defaults, **entry, FAST: fast, SLOW: both[SLOW]}, *axes, len(scans)))
+            values = {**defaults, **entry, FAST: fast, SLOW: both[SLOW]}
+            axes = {
+                axis: _axis(f'{where}: {axis}', axis, values[axis], base, known, read_sections)
+                for axis in AXES}
+            scans.append(_scan(where, values, axes[FAST], axes[SLOW], len(scans)))
     return tuple(scans)
 
 

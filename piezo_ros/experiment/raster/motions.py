@@ -20,7 +20,8 @@ best, see `known_rig`.
 """
 
 import math
-from collections.abc import Mapping
+import tempfile
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -29,6 +30,7 @@ import numpy as np
 
 from piezo_ros.control.tables.motion_table import MotionTable, write_motion_table
 from piezo_ros.experiment.plan.raster_scan import FAST, SLOW, RasterScan
+from piezo_ros.experiment.plan.rig_limits import Demand, demand_of
 from piezo_ros.experiment.planned_scan import (
     ScanRequest,
     limits_of,
@@ -46,7 +48,7 @@ from piezo_ros.parameters.errors import PlanError
 from piezo_ros.parameters.run import PlannedRun
 from piezo_ros.planning.periodic_plan import PeriodicPlan
 
-__all__ = ['PlannedFastAxis', 'RasterMotions', 'ReadyScan']
+__all__ = ['PlannedFastAxis', 'RasterMotions', 'ReadyScan', 'check_scans']
 
 
 @dataclass(frozen=True)
@@ -77,7 +79,7 @@ class ReadyScan:
     scan : RasterScan
         The scan.
     lines : int
-        Lines of the fast axis, those before the image and one after it included.
+        Lines of the fast axis, those before the image included.
     runs : mapping of str to PlannedRun
         Axis to its run.
     planned : PlannedFastAxis or None
@@ -133,8 +135,8 @@ class RasterMotions:
             assert repeat_from is not None
             settled = rate * repeat_from
         first_line = max(first_line, math.ceil(settled - 1e-9))
-        # The last retrace ends three quarters after the middle of its trace.
-        lines = first_line + scan.lines + 1
+        # The last retrace ends three quarters after the middle of its trace, and no trace follows.
+        lines = first_line + scan.lines
         fast = self.fast_run(scan, lines, planned)
         return ReadyScan(
             scan, lines, {FAST: fast, SLOW: self._slow_run(scan, lines, first_line)}, planned)
@@ -212,3 +214,30 @@ class RasterMotions:
         path = (self.directory / f'{name}.npz').resolve()
         write_motion_table(path, table)
         return path
+
+
+def check_scans(scans: Sequence[RasterScan]) -> list[Demand]:
+    """
+    Return what both axes of scans ask of their rigs, of learned ones what the plan asks.
+
+    Parameters
+    ----------
+    scans : sequence of RasterScan
+        The scans.
+
+    Raises
+    ------
+    PlanError
+        If an axis cannot do what is wanted of it.
+
+    """
+    demands = []
+    with tempfile.TemporaryDirectory() as directory:
+        motions = RasterMotions(Path(directory))
+        for scan in scans:
+            ready = motions.ready(scan)
+            # The whole image counts; of the slow axis the approach, too.
+            demands += [
+                demand_of(ready.runs[FAST], float(scan.lines)),
+                demand_of(ready.runs[SLOW], 1.0)]
+    return demands

@@ -13,31 +13,27 @@
 # limitations under the License.
 """Does the raster scans of a plan: both axes at once, then their images and the report."""
 
-import json
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Final, Protocol
+from typing import Protocol
 
-from piezo_ros.bag import BagError, read
+from piezo_ros.bag import BagError
 from piezo_ros.experiment.output_directory import keep_plan
 from piezo_ros.experiment.plan import Plan
-from piezo_ros.experiment.plan.raster_scan import AXES, FAST, SLOW
+from piezo_ros.experiment.plan.raster_scan import AXES, FAST
 from piezo_ros.experiment.raster.motions import PlannedFastAxis, RasterMotions, ReadyScan
+from piezo_ros.experiment.raster.recorded_scans import ScanRecord, imaged, write_records
 from piezo_ros.experiment.scan_learning import ScanLearning
 from piezo_ros.interruption import interruptible
 from piezo_ros.parameters.errors import CampaignError, failure_text
 from piezo_ros.parameters.provenance import software_versions
 from piezo_ros.parameters.run import PlannedRun, RunResult
-from piezo_ros.report.files import write_atomically
 from piezo_ros.report.page.raster_report import write_raster_report
-from piezo_ros.report.scanned_image import ScannedImage, scanned_image
+from piezo_ros.report.scanned_image import ScannedImage
 
-__all__ = ['RasterCampaign', 'Rigs', 'recorded_scans', 'run_raster']
-
-_RECORD: Final = 'scans.json'
-_FORMAT_VERSION: Final = 1
+__all__ = ['RasterCampaign', 'Rigs', 'run_raster']
 
 
 class Rigs(Protocol):
@@ -100,7 +96,7 @@ def run_raster(
     ready = [motions.ready(scan) for scan in plan.scans]
     plan_text = keep_plan(plan.path, directory)
     images: list[ScannedImage] = []
-    records: list[dict[str, Any]] = []
+    records: list[ScanRecord] = []
     notes: list[str] = []
     failure: CampaignError | None = None
     for number, each in enumerate(ready, start=1):
@@ -116,13 +112,10 @@ def run_raster(
             bags = {axis: directory / 'bags' / scan.name / axis for axis in AXES}
             for result in rigs.together(runs, bags):
                 notes += [f'{scan.name}: {note}' for note in result.notes]
-            record = {
-                'name': scan.name, 'case': scan.case, 'variant': scan.variant,
-                'pixels': scan.pixels, 'central': scan.central}
-            images.append(_imaged(directory, directory, record))
+            record = ScanRecord(scan.name, scan.case, scan.variant, scan.pixels, scan.central)
+            images.append(imaged(directory, directory, record))
             records.append(record)
-            write_atomically(directory / _RECORD, json.dumps(
-                {'format_version': _FORMAT_VERSION, 'scans': records}, indent=2) + '\n')
+            write_records(directory, records)
         except (CampaignError, BagError, OSError, ValueError) as error:
             failure = CampaignError(f'{scan.name}: {failure_text(error)}')
             notes.append(f'The campaign ended at scan {number}, {failure}')
@@ -135,57 +128,13 @@ def run_raster(
                 directory, title=plan.title, scans=images, software=software_versions(),
                 notes=notes, plan=plan_text, command=' '.join(['piezo', *sys.argv[1:]]))
     except OSError as error:
-        words = [] if failure is None else [str(failure)]
-        raise CampaignError('; '.join([
-            *words, f'the report cannot be written: {failure_text(error)}; the bags are whole, '
-            f'`piezo report {directory} -o DIR` reports them'])) from None
+        before = '' if failure is None else f'{failure}; '
+        raise CampaignError(
+            f'{before}the report cannot be written: {failure_text(error)}; the bags are whole, '
+            f'`piezo report {directory} -o DIR` reports them') from None
     if failure:
         raise failure
     return RasterCampaign(tuple(images), report)
-
-
-def recorded_scans(directory: Path, output: Path) -> list[ScannedImage]:
-    """
-    Return the images of the scans in the output of a plan; none if it had no raster scans.
-
-    Parameters
-    ----------
-    directory : Path
-        Output of `run_raster`.
-    output : Path
-        Directory of the new report, to which the paths of the bags are relative.
-
-    Raises
-    ------
-    BagError
-        If a bag cannot be read.
-    ValueError
-        If the record of the scans is damaged.
-
-    """
-    path = directory / _RECORD
-    if not path.is_file():
-        return []
-    try:
-        content = json.loads(path.read_text(encoding='utf-8'))
-        records = [dict(record) for record in content['scans']]
-    except (ValueError, KeyError, TypeError) as error:
-        raise ValueError(f'{path} is damaged: {error}') from None
-    return [_imaged(directory, output, record) for record in records]
-
-
-def _imaged(directory: Path, output: Path, record: Mapping[str, Any]) -> ScannedImage:
-    bags = {axis: directory / 'bags' / record['name'] / axis for axis in AXES}
-    fast, slow = (read(bags[axis]) for axis in (FAST, SLOW))
-    return scanned_image(
-        fast, slow, name=record['name'], case=record['case'], variant=record['variant'],
-        bags=(_relative(bags[FAST], output), _relative(bags[SLOW], output)),
-        pixels=record['pixels'], central=record['central'])
-
-
-def _relative(path: Path, directory: Path) -> str:
-    import os
-    return os.path.relpath(path, directory)
 
 
 def _learn(
@@ -207,7 +156,7 @@ def _learn(
     while not learning.is_done and len(learning.runs) < scan.learning_runs:
         learning.next_run(run)
     errors = ', '.join(f'{each.nrmse_percent:.3f}' for each in learning.runs)
-    return (
-        PlannedFastAxis(planned.request, learning.learner.best),
+    words = (
         f'{scan.name}: {len(learning.runs)} learning runs, weighted error with the noise of the '
         f'sensor {errors} %.')
+    return PlannedFastAxis(planned.request, learning.learner.best), words

@@ -17,11 +17,11 @@ The motion of the slow axis: to the first line, then from line to line.
 With the lines n = f Ts k since the start, n_0 of the first line, L lines over the size S and the
 step s = S/(L - 1)::
 
-    y_d = -S/2 + s (n - n_0)        n >= n_0 - 1
+    y_d = -S/2 + s (n - n_0)        n >= n_0 - 3/8
 
 The fast axis is at the middle of its trace where n is a whole number, so that the middle of the
-line i is at -S/2 + s i. Before, the axis rests at 0, goes to its place of n_0 - 1 as
-35 q^4 - 84 q^5 + 70 q^6 - 20 q^7, q = 0 … 1, and waits there.
+line i is at -S/2 + s i, and its trace begins a quarter of a line before. Before that the axis rests
+at 0, goes to where it is at n_0 - 3/8 as 35 q^4 - 84 q^5 + 70 q^6 - 20 q^7, q = 0 … 1, and waits.
 """
 
 import math
@@ -39,6 +39,7 @@ __all__ = ['approach_samples', 'rest_samples', 'slow_motion', 'slow_reference_um
 
 _REST_SAMPLES: Final = 256  # more than any chain looks ahead
 _TURNS_OF_SLOWEST_POLE: Final = 20.0
+_EARLY_LINES: Final = 0.375  # that the slow axis moves before the middle of a trace
 _WAIT_SHARE: Final = 0.5  # of the approach
 
 
@@ -97,20 +98,20 @@ def slow_reference_um(
     Examples
     --------
     >>> y_um = slow_reference_um(1000, 5, 4.0, 0.01, 4, 10)
-    >>> [round(float(y_um[100 * line]), 12) for line in range(10)]
-    [0.0, -2.852666666667, -3.0, -3.0, -2.0, -1.0, 0.0, 1.0, 2.0, 3.0]
+    >>> [round(float(y_um[100 * line]), 12) for line in range(3, 10)]
+    [-2.375, -2.0, -1.0, 0.0, 1.0, 2.0, 3.0]
 
     """
     turns = lines_per_sample * np.arange(samples)
     step_um = size_um / (lines - 1)
-    start_um = -0.5 * size_um - step_um
-    begin = (first_line - 1) / lines_per_sample
+    start_um = -0.5 * size_um - _EARLY_LINES * step_um
+    begin = (first_line - _EARLY_LINES) / lines_per_sample
     q = np.clip(
         (np.arange(samples) - rest) * (1.0 + _WAIT_SHARE) / max(begin - rest, 1.0), 0.0, 1.0)
     approach = q**4 * (35.0 - q * (84.0 - q * (70.0 - 20.0 * q)))
     return np.where(
-        turns < first_line - 1, start_um * approach,
-        start_um + step_um * (turns - (first_line - 1)))
+        turns < first_line - _EARLY_LINES, start_um * approach,
+        step_um * (turns - first_line) - 0.5 * size_um)
 
 
 def slow_motion(

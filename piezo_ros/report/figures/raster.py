@@ -222,8 +222,8 @@ def _show(
     # With the first line at its own place: at the bottom if the slow axis ascends.
     ratio = abs(y_um[-1] - y_um[0]) / (x_um[-1] - x_um[0])
     drawn = place.imshow(
-        panel.values, origin='lower',
-        aspect='equal' if 1.0 / _ANISOTROPIC < ratio < _ANISOTROPIC else 'auto', interpolation='nearest',
+        panel.values, origin='lower', interpolation='nearest',
+        aspect='equal' if 1.0 / _ANISOTROPIC < ratio < _ANISOTROPIC else 'auto',
         cmap=_DIFFERENCES if panel.is_difference else _HEIGHTS, vmin=limits[0], vmax=limits[1],
         extent=(x_um[0] - half_x_um, x_um[-1] + half_x_um,
                 y_um[0] - half_y_um, y_um[-1] + half_y_um))

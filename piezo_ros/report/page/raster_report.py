@@ -50,7 +50,12 @@ _COLUMNS: Final = (
     Column('line jitter', 'px', '.3f'),
     Column('correlation', '', '.4f'),
     Column('rms with noise', 'px', '.3f'),
+    Column('files'),
 )
+# The same in a terminal, but for the files.
+_SHORT: Final = (
+    'line %', 'rms px', 'max', 'affine', 'scale %', 'back px', 'scatter', 'jitter', 'corr',
+    'noisy')
 _OPEN_SCANS: Final = 3
 _IMAGES: Final = 'images'
 
@@ -111,25 +116,25 @@ def write_raster_report(
 
 
 def image_table(scans: Sequence[ScannedImage]) -> str:
-    """Return the figures of merit as text for the terminal."""
-    rows = [[f'{column.title} ({column.unit})' if column.unit else column.title
-             for column in _COLUMNS]]
-    rows += [
-        [value_text(value, column) for value, column in zip(
-            (f'{scan.case}: {scan.variant}', *_figures(scan)), _COLUMNS, strict=True)]
-        for scan in scans]
-    # Headings are long: they stand below each other, before the rows that they number.
-    heads = [f'{number:>4}  {head}' for number, head in enumerate(rows[0][1:], start=1)]
-    widths = [max(len(row[place]) for row in rows[1:]) for place in range(len(_COLUMNS))]
-    widths = [widths[0], *(max(width, len(str(place)))
-                           for place, width in enumerate(widths[1:], start=1))]
-    numbers = [''.ljust(widths[0]), *(
-        str(place).rjust(width) for place, width in enumerate(widths[1:], start=1))]
-    lines = ['  '.join(numbers), *(
+    """
+    Return the figures of merit as text for the terminal.
+
+    Parameters
+    ----------
+    scans : sequence of ScannedImage
+        The scans, at least one.
+
+    """
+    rows = [['', *_SHORT]]
+    for scan in scans:
+        values = zip(_figures(scan), _COLUMNS[1:-1], strict=True)
+        rows.append([
+            f'{scan.case}: {scan.variant}', *(value_text(*value) for value in values)])
+    widths = [max(map(len, cells)) for cells in zip(*rows, strict=True)]
+    return '\n'.join(
         '  '.join([row[0].ljust(widths[0]), *(
-            cell.rjust(width) for cell, width in zip(row[1:], widths[1:], strict=True))])
-        for row in rows[1:])]
-    return '\n'.join([*heads, *lines])
+            cell.rjust(width) for cell, width in zip(row[1:], widths[1:], strict=True))]).rstrip()
+        for row in rows)
 
 
 def write_image_files(directory: Path, scans: Sequence[ScannedImage]) -> list[str]:
@@ -150,9 +155,10 @@ def write_image_files(directory: Path, scans: Sequence[ScannedImage]) -> list[st
 
     """
     directory.mkdir(parents=True, exist_ok=True)
-    notes = [
+    notes = [(
         f'{directory.name}/ has trace and retrace as TIFF files of 32-bit floats, heights in '
-        'micrometres.']
+        'micrometres.')]
+    has_gwyddion = True
     for scan in scans:
         images = scan.images
         # The top of an image is where y is largest.
@@ -171,9 +177,11 @@ def write_image_files(directory: Path, scans: Sequence[ScannedImage]) -> list[st
                     path, channels, width_um=images.pixel_um * images.nominal_x_um.size,
                     length_um=images.line_um * images.nominal_y_um.size)
         except ModuleNotFoundError:
-            return [*notes, (
-                'There are no Gwyddion files: the package gwyfile is not installed '
-                "(pip install 'piezo_ros[images]').")]
+            has_gwyddion = False
+    if not has_gwyddion:
+        return [*notes, (
+            'There are no Gwyddion files: the package gwyfile is not installed '
+            "(pip install 'piezo_ros[images]').")]
     return [*notes, (
         f'{directory.name}/ has Gwyddion files (.gwy) with trace, retrace and the deviation along '
         'x and y as channels.')]
@@ -181,12 +189,12 @@ def write_image_files(directory: Path, scans: Sequence[ScannedImage]) -> list[st
 
 def _about_noise(scans: Sequence[ScannedImage]) -> list[str]:
     if all(scan.noise_removed for scan in scans):
-        return [
+        return [(
             'Every position is that of the simulated stage: the noise of its sensor, which is '
-            'known sample by sample, is taken away. The last column of the table has it.']
-    return [
+            'known sample by sample, is taken away. The last column of the table has it.')]
+    return [(
         'Positions are those that the sensors have measured: their noise counts as deviation of '
-        'the image where nothing is known of it.']
+        'the image where nothing is known of it.')]
 
 
 def _explanation() -> list[Content]:
@@ -221,7 +229,9 @@ def _table(cases: Mapping[str, Sequence[ScannedImage]]) -> Table:
     rows: list[Heading | Sequence[Value | Cell]] = []
     for case, members in cases.items():
         rows.append(Heading(case))
-        rows.extend([scan.variant, *_figures(scan)] for scan in members)
+        for scan in members:
+            path = f'{_IMAGES}/{scan.name}_trace.tiff'
+            rows.append([scan.variant, *_figures(scan), Cell(path, link=path)])
     return Table(_COLUMNS, rows, 'Deviation of the images.')
 
 
