@@ -37,22 +37,23 @@ FAST, SLOW = 'fast', 'slow'
 AXES: Final = (FAST, SLOW)
 _MOTIONS: Final = {FAST: ('waveform', 'planned', 'learned'), SLOW: ('plain', 'preview')}
 _FILES: Final = ('parameter_files', 'known_rig_files')
-_SCAN_KEYS: Final = ('name', 'lines', 'pixels', 'central', *AXES)
+# Name of a number: default, lowest, highest; a whole one if the default is.
+_OF_SCAN: Final = {'lines': (256, 2, 100_000), 'pixels': (256, 2, 100_000),
+                   'central': (0.8, 0.01, 1.0)}
+_OF_FAST: Final = {'free_turn': (0.2, 0.0, 0.89), 'band_hz': (0.0, 0.0, 1e9),
+                   'learning_runs': (3, 1, 1000)}
+_OF_SLOW: Final = {'size_um': (0.0, 0.0, 1e4), 'approach_s': (0.0, 0.0, 1e4)}
+_SCAN_KEYS: Final = ('name', *_OF_SCAN, *AXES)
 # What the lines decide, and what follows no reference.
 _NOT_FAST: Final = (
     'periods', 'output', 'amplitude_v', 'offset_v', 'offset_um', 'file', 'dwell_s', 'settle_s')
 _AXIS_KEYS: Final = {
-    FAST: ('motion', 'free_turn', 'learning_runs', *_FILES,
+    FAST: ('motion', *_OF_FAST, *_FILES,
            *(key for key in RUN_KEYS if key not in _NOT_FAST)),
-    SLOW: ('motion', 'size_um', 'approach_s', *_FILES, 'scheme', *LOOP_NODES, 'changes')}
+    SLOW: ('motion', *_OF_SLOW, *_FILES, 'scheme', *LOOP_NODES, 'changes')}
 _WAVEFORMS: Final = ('triangle', 'sine')
 _MOST_SCANS: Final = 1000
 _SOFT_START_PERIODS: Final = 2.0
-# Name of a number: default, lowest, highest; a whole one if the default is.
-_OF_SCAN: Final = {'lines': (256, 2, 100_000), 'pixels': (256, 2, 100_000),
-                   'central': (0.8, 0.01, 1.0)}
-_OF_FAST: Final = {'free_turn': (0.2, 0.0, 0.89), 'learning_runs': (3, 1, 1000)}
-_OF_SLOW: Final = {'size_um': (0.0, 0.0, 1e4), 'approach_s': (0.0, 0.0, 1e4)}
 
 _Sections = Mapping[str, Mapping[str, Any]]
 _ReadSections = Callable[[Mapping[str, Any], str, Sequence[str]], dict[str, dict[str, Any]]]
@@ -151,6 +152,8 @@ class RasterScan:
         What their runs have in common with the plan; what they play is another matter.
     free_turn : float
         Share of each line, about its ends, in which the error hardly counts.
+    band_hz : float
+        Highest frequency of a planned voltage, see `ScanRequest`.
     learning_runs : int
         Most runs of a learning.
     size_um : float
@@ -171,6 +174,7 @@ class RasterScan:
     fast_run: PlannedRun
     slow_run: PlannedRun
     free_turn: float
+    band_hz: float
     learning_runs: int
     size_um: float
     approach_s: float

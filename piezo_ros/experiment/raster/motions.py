@@ -181,6 +181,7 @@ class RasterMotions:
                 frequency_hz=trajectory.frequency_hz, sample_period_s=scan.sample_period_s,
                 dynamics=DynamicsParameters.among(values),
                 hysteresis=HysteresisParameters.among(values), limits=limits_of(known),
+                band_hz=scan.band_hz,
                 free_turn=scan.free_turn, ramp_periods=trajectory.ramp_periods)
             if request not in self._plans:
                 self._plans[request] = planned_scan(request)
