@@ -13,16 +13,22 @@
 # limitations under the License.
 """``piezo image`` of two recorded axes, also in one foreign bag, and ``piezo report`` of scans."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 import yaml
+from mcap.writer import Writer
 
 from piezo_ros.bag import BagWriter
 from piezo_ros.cli.main import main
 from piezo_ros.report.page import raster_report
+from piezo_ros.streams import BlockCodec
+from piezo_ros.streams.message_type import DEFINITION, TYPE_NAME
 
 LINES, SAMPLES = 10, 200
 NAMES = ('x', 'y')
+SCALES = {'x': 0.97, 'y': 1.0}
 
 
 @pytest.fixture(autouse=True)
@@ -48,10 +54,24 @@ def write(path, reference_um, scale=1.0, period_s=1e-4, start=0):
             writer.write_block(stream, start + values.size, period_s, [])
 
 
+def write_both(path):
+    """Write both rigs into one file, as `ros2 bag record` does: wall-clock times, no record."""
+    with path.open('wb') as file:
+        writer = Writer(file)
+        writer.start('ros2', 'libmcap')
+        schema = writer.register_schema(TYPE_NAME, 'ros2msg', DEFINITION.encode())
+        for name, reference_um in zip(NAMES, motions(), strict=True):
+            for stream, scale in (('reference', 1.0), ('displacement', SCALES[name])):
+                channel = writer.register_channel(f'/{name}/{stream}', 'cdr', schema)
+                raw = BlockCodec(stream).encode(0, 1e-4, scale * reference_um)
+                writer.add_message(channel, 10**18, raw, 10**18)
+        writer.finish()
+
+
 @pytest.fixture
 def bags():
     for name, reference_um in zip(NAMES, motions(), strict=True):
-        write(name, reference_um, scale={'x': 0.97, 'y': 1.0}[name])
+        write(name, reference_um, scale=SCALES[name])
     return NAMES
 
 
@@ -60,7 +80,7 @@ def test_two_bags_make_an_image(bags, capsys, tmp_path):
     told = capsys.readouterr().out
     assert '10 lines, samples' in told
     assert '-3.000' in told  # the scale error
-    assert (tmp_path / 'out' / 'images' / 'image.gwy').is_file()
+    assert (tmp_path / 'out' / 'images' / 'image_trace.tiff').is_file()
     assert main(['image', *bags, '-o', 'out']) == 2
     assert 'out exists' in capsys.readouterr().err
     assert main(['image', *bags, '-o', 'out', '--force']) == 0
@@ -79,6 +99,13 @@ def test_what_makes_no_image_is_said_in_a_line(bags, arguments, code, problem, c
     error = capsys.readouterr().err
     assert problem in error
     assert len(error.splitlines()) == 1
+
+
+def test_one_bag_may_hold_both_rigs(bags, capsys):
+    write_both(Path('both.mcap'))
+    assert main([
+        'image', 'both.mcap', '--namespaces', '/x', '/y', '-o', 'out', '--pixels', '32']) == 0
+    assert '-3.000' in capsys.readouterr().out
 
 
 def test_axes_of_unlike_sample_period_are_refused(bags, capsys):
