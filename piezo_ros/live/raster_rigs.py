@@ -14,12 +14,14 @@
 """
 The rigs of a raster scan live: one graph of nodes for each axis, in a namespace of its own.
 
-Each graph is in lockstep by itself; the axes belong together by the index of their samples. They
-are started and ended together: where one fails, the other does not go on alone.
+Each graph is in lockstep by itself, and none sends samples that the other does not demand yet
+(`lockstep_with`): they are never farther apart than the demand leads. They are started and ended
+together: where one fails, the other does not go on alone.
 """
 
 import time
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from piezo_ros.live.graph_per_run import GraphPerRun, LiveRun
@@ -57,11 +59,12 @@ class RasterRigs:
     ) -> None:
         self._shares: dict[str, float] = {}
         self._progress = progress
+        supervisors = {axis: supervisor.below(axis) for axis in axes}
+        self._namespaces = {axis: each.namespace for axis, each in supervisors.items()}
         self._graphs = {
             axis: GraphPerRun(
-                supervisor.below(axis), directory, composed=composed,
-                progress=self._progress_of(axis))
-            for axis in axes}
+                each, directory, composed=composed, progress=self._progress_of(axis))
+            for axis, each in supervisors.items()}
 
     def alone(self, planned: PlannedRun, bag: Path) -> RunResult:
         """
@@ -73,7 +76,7 @@ class RasterRigs:
             As `GraphPerRun`.
 
         """
-        self._shares.clear()
+        self._shares = {}
         fast = next(iter(self._graphs.values()))
         return fast(planned, bag)
 
@@ -97,13 +100,14 @@ class RasterRigs:
             names the axis.
 
         """
-        self._shares.clear()
+        self._shares = dict.fromkeys(planned, 0.0)
         for bag in bags.values():
             bag.parent.mkdir(parents=True, exist_ok=True)
         runs: dict[str, LiveRun] = {}
         try:
             for axis, run in planned.items():
-                runs[axis] = self._graphs[axis].start(run, bags[axis])
+                others = [self._namespaces[other] for other in planned if other != axis]
+                runs[axis] = self._graphs[axis].start(_in_step(run, others), bags[axis])
             while not self._decided(runs):
                 for axis, live in runs.items():
                     self._graphs[axis].follow(live)
@@ -147,3 +151,9 @@ class RasterRigs:
             self._progress(min(self._shares.values()))
 
         return tell
+
+
+def _in_step(planned: PlannedRun, namespaces: Sequence[str]) -> PlannedRun:
+    """Return a run that keeps step with the rigs in some namespaces."""
+    trajectory = {**planned.parameters['trajectory'], 'lockstep_with': ','.join(namespaces)}
+    return replace(planned, parameters={**planned.parameters, 'trajectory': trajectory})

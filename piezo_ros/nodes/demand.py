@@ -18,7 +18,7 @@ The demand: how far the trajectory may send, published by the node that consumes
 It only grows during a run. A zero says that nothing more is wanted.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 from std_msgs.msg import UInt64
 
@@ -29,7 +29,7 @@ from piezo_ros.runtime.streams.qos import LATCHED
 from piezo_ros.runtime.streams.reader import StreamReader
 from piezo_ros.runtime.streams.writer_names import names_of_endpoints, wrong_writers
 
-__all__ = ['DemandReader', 'DemandWriter']
+__all__ = ['DemandReader', 'DemandWriter', 'JointDemand']
 
 
 class DemandWriter:
@@ -100,25 +100,30 @@ class DemandReader:
     ----------
     node : LoopNode
         The trajectory.
+    topic : str, optional
+        Where the demand is.
 
     Attributes
     ----------
     limit : int
         Samples below this index are demanded.
+    newest : int or None
+        The newest demand, None before any.
     ended : bool
         Whether nothing more is wanted.
 
     """
 
-    def __init__(self, node: LoopNode) -> None:
+    def __init__(self, node: LoopNode, topic: str = 'demand') -> None:
         self._node = node
-        self._subscription = node.create_own_subscription(UInt64, 'demand', LATCHED)
+        self._subscription = node.create_own_subscription(UInt64, topic, LATCHED)
         self._take_message = self._subscription.handle.take_message
         self.start()
 
     def start(self) -> None:
         """Begin a run."""
         self.limit = 0
+        self.newest: int | None = None
         self.ended = False
         self._lost: RunningTime | None = None  # since when it has had no writer
 
@@ -158,6 +163,7 @@ class DemandReader:
         taken = self._take_message(UInt64, False)
         if taken is None:
             return False
+        self.newest = taken[0].data
         # A zero before anything was demanded is the end of an earlier run.
         self.ended = taken[0].data == 0 and self.limit > 0
         self.limit = max(self.limit, taken[0].data)
@@ -181,3 +187,66 @@ class DemandReader:
             self._lost = RunningTime()
         elif self._lost.elapsed_s() > timeout_s:
             raise StreamFault(f'{self.topic_name} lost its writer')
+
+
+class JointDemand:
+    """
+    The demand of the own rig, as far as rigs that are kept in step demand the same.
+
+    A rig of which the demand has ended holds none up: its run is over, well or not, and a
+    supervisor of both knows which.
+
+    Parameters
+    ----------
+    node : LoopNode
+        The trajectory.
+    namespaces : sequence of str
+        Of the other rigs.
+
+    """
+
+    def __init__(self, node: LoopNode, namespaces: Sequence[str] = ()) -> None:
+        self._own = DemandReader(node)
+        self._others = [DemandReader(node, f'{namespace}/demand') for namespace in namespaces]
+
+    @property
+    def limit(self) -> int:
+        """Samples below this index are demanded."""
+        return min([self._own.limit, *(
+            other.limit for other in self._others if other.newest != 0)])
+
+    @property
+    def ended(self) -> bool:
+        """Whether the own rig wants nothing more."""
+        return self._own.ended
+
+    def start(self) -> None:
+        """Begin a run."""
+        for reader in (self._own, *self._others):
+            reader.start()
+
+    def wrong_writers(self) -> str:
+        """Return which writers a demand has, if that is not exactly one, else ''."""
+        return next(filter(None, (
+            reader.wrong_writers() for reader in (self._own, *self._others))), '')
+
+    def why_ended(self) -> str:
+        """Return what has ended the demand, see `DemandReader.why_ended`."""
+        return self._own.why_ended()
+
+    def take(self) -> bool:
+        """Take the newest demands; return whether there is a new one."""
+        return any([reader.take() for reader in (self._own, *self._others)])
+
+    def check_writer(self, timeout_s: float) -> None:
+        """
+        Check that every demand that is waited for still has a writer.
+
+        Raises
+        ------
+        StreamFault
+            If one has had none for some time, or has several.
+
+        """
+        for reader in (self._own, *(other for other in self._others if other.newest != 0)):
+            reader.check_writer(timeout_s)

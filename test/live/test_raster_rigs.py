@@ -20,7 +20,7 @@ import pytest
 from piezo_ros.live import raster_rigs
 from piezo_ros.live.raster_rigs import RasterRigs
 from piezo_ros.parameters.errors import CampaignError
-from piezo_ros.parameters.run import RunResult
+from piezo_ros.parameters.run import PlannedRun, RunResult
 
 AXES = ('fast', 'slow')
 
@@ -29,7 +29,6 @@ class FakeGraph:
     """A graph whose run goes on for some looks, and ends well or not."""
 
     def __init__(self, supervisor, directory, *, composed, progress):
-        self.axis = supervisor
         self.progress = progress
         self.looks, self.problem, self.dead = 3, '', False
         self.calls = []
@@ -40,6 +39,7 @@ class FakeGraph:
 
     def start(self, planned, bag):
         self.calls.append('start')
+        self.planned = planned
         return SimpleNamespace(
             over=lambda: self.looks <= 0, finished=lambda: self.looks <= 0 and not self.problem)
 
@@ -68,11 +68,11 @@ def rigs(monkeypatch, tmp_path):
     monkeypatch.setattr(raster_rigs.time, 'sleep', lambda seconds: None)
     shares = []
     made = RasterRigs(
-        SimpleNamespace(below=lambda name: name), tmp_path, AXES, progress=shares.append)
+        SimpleNamespace(below=lambda name: SimpleNamespace(namespace=f'/scan/{name}')), tmp_path, AXES, progress=shares.append)
     return SimpleNamespace(
         rigs=made, graphs=made._graphs, shares=shares,
         together=lambda: made.together(
-            dict.fromkeys(AXES), {axis: tmp_path / 'scan' / axis for axis in AXES}))
+            dict.fromkeys(AXES, PlannedRun('scan', {'trajectory': {'periods': 3.0}})), {axis: tmp_path / 'scan' / axis for axis in AXES}))
 
 
 def test_both_axes_go_on_until_both_are_over(rigs, tmp_path):
@@ -82,6 +82,13 @@ def test_both_axes_go_on_until_both_are_over(rigs, tmp_path):
     assert (tmp_path / 'scan').is_dir()
     # Of both axes the one that is behind is shown.
     assert rigs.shares == sorted(rigs.shares)
+
+
+def test_each_axis_keeps_step_with_the_other(rigs):
+    rigs.together()
+    assert {axis: graph.planned.parameters['trajectory'] for axis, graph in rigs.graphs.items()} == {
+        'fast': {'periods': 3.0, 'lockstep_with': '/scan/slow'},
+        'slow': {'periods': 3.0, 'lockstep_with': '/scan/fast'}}
 
 
 @pytest.mark.parametrize(('how', 'problem'), [
