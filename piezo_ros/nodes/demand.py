@@ -236,7 +236,9 @@ class JointDemand:
 
     def take(self) -> bool:
         """Take the newest demands; return whether there is a new one."""
-        return any([reader.take() for reader in (self._own, *self._others)])
+        # Each of them takes its own, whatever the others have.
+        taken = [reader.take() for reader in (self._own, *self._others)]
+        return any(taken)
 
     def check_writer(self, timeout_s: float) -> None:
         """

@@ -77,7 +77,9 @@ def test_an_axis_that_dies_ends_both_and_is_named(rig, scan_plan, tmp_path):
     log = wait_until(
         lambda: next(iter((tmp_path / 'out' / 'logs').glob('*_slow/recorder.log')), None),
         'the slow axis')
-    wait_until(lambda: any(bags.rglob('*.mcap')), 'a bag')
+    wait_until(
+        lambda: sum(path.stat().st_size > 50_000 for path in bags.rglob('*.mcap')) == 2,
+        'samples of both axes')
     victims = [
         pid for pid in map(int, filter(str.isdigit, os.listdir('/proc')))
         if _is_plant_of_slow_axis(pid, command.pid)]

@@ -67,12 +67,13 @@ def rigs(monkeypatch, tmp_path):
     monkeypatch.setattr(raster_rigs, 'GraphPerRun', FakeGraph)
     monkeypatch.setattr(raster_rigs.time, 'sleep', lambda seconds: None)
     shares = []
-    made = RasterRigs(
-        SimpleNamespace(below=lambda name: SimpleNamespace(namespace=f'/scan/{name}')), tmp_path, AXES, progress=shares.append)
+    supervisor = SimpleNamespace(below=lambda name: SimpleNamespace(namespace=f'/scan/{name}'))
+    made = RasterRigs(supervisor, tmp_path, AXES, progress=shares.append)
+    planned = dict.fromkeys(AXES, PlannedRun('scan', {'trajectory': {'periods': 3.0}}))
     return SimpleNamespace(
         rigs=made, graphs=made._graphs, shares=shares,
         together=lambda: made.together(
-            dict.fromkeys(AXES, PlannedRun('scan', {'trajectory': {'periods': 3.0}})), {axis: tmp_path / 'scan' / axis for axis in AXES}))
+            planned, {axis: tmp_path / 'scan' / axis for axis in AXES}))
 
 
 def test_both_axes_go_on_until_both_are_over(rigs, tmp_path):
@@ -86,7 +87,9 @@ def test_both_axes_go_on_until_both_are_over(rigs, tmp_path):
 
 def test_each_axis_keeps_step_with_the_other(rigs):
     rigs.together()
-    assert {axis: graph.planned.parameters['trajectory'] for axis, graph in rigs.graphs.items()} == {
+    trajectories = {
+        axis: graph.planned.parameters['trajectory'] for axis, graph in rigs.graphs.items()}
+    assert trajectories == {
         'fast': {'periods': 3.0, 'lockstep_with': '/scan/slow'},
         'slow': {'periods': 3.0, 'lockstep_with': '/scan/fast'}}
 

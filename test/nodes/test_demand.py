@@ -189,7 +189,7 @@ def test_a_rig_that_has_ended_holds_up_no_other(joint):
 
 
 def test_a_rig_in_step_must_be_there(joint, transport):
-    reader, own, other = joint
+    reader, _, other = joint
     assert reader.wrong_writers() == ''
     other._publisher.destroy()
     assert '/rig/y/demand' in reader.wrong_writers()

@@ -38,6 +38,7 @@ from piezo_ros.experiment.planned_scan import (
     planned_scan,
 )
 from piezo_ros.experiment.raster.slow_axis import (
+    LEAD_LINES,
     approach_samples,
     rest_samples,
     slow_motion,
@@ -126,7 +127,7 @@ class RasterMotions:
         planned = None if scan.fast.motion == 'waveform' else self._planned(scan)
         rate = scan.lines_per_sample
         known = scan.slow.known_rig(scan.slow_run)
-        first_line = 1 + math.ceil(rate * approach_samples(
+        first_line = math.ceil(LEAD_LINES + rate * approach_samples(
             known, scan.sample_period_s, scan.approach_s))
         if planned is None:
             settled = scan.fast_run.trajectory.ramp_periods + 1.0
@@ -194,11 +195,13 @@ class RasterMotions:
         known = scan.slow.known_rig(scan.slow_run)
         samples = round(lines / scan.lines_per_sample)
         preview = scan.slow.motion == 'preview'
+        rest = math.ceil((lines + 1.0) / scan.lines_per_sample)
         reference_um = slow_reference_um(
-            samples, scan.lines, scan.size_um, scan.lines_per_sample, first_line,
+            rest, scan.lines, scan.size_um, scan.lines_per_sample, first_line,
             rest_samples(known, scan.sample_period_s))
         try:
-            table = slow_motion(reference_um, scan.sample_period_s, known, preview=preview)
+            table = slow_motion(
+                reference_um, samples, scan.sample_period_s, known, preview=preview)
         except ValueError as error:
             raise PlanError(f'{scan.slow.where}: {scan.slow.motion}: {error}') from None
         path = self._write(name, table)
@@ -207,7 +210,7 @@ class RasterMotions:
             nodes['compensator'] = HysteresisParameters.among(known.to_mapping()).to_mapping()
         return scan.slow.run(
             name, nodes, waveform='file', file=str(path), periods=1.0,
-            amplitude_um=float(np.abs(reference_um).max()),
+            amplitude_um=float(np.abs(table.reference_um).max()),
             frequency_hz=1.0 / (samples * scan.sample_period_s))
 
     def _write(self, name: str, table: MotionTable) -> Path:

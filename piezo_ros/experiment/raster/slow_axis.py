@@ -17,11 +17,15 @@ The motion of the slow axis: to the first line, then from line to line.
 With the lines n = f Ts k since the start, n_0 of the first line, L lines over the size S and the
 step s = S/(L - 1)::
 
-    y_d = -S/2 + s (n - n_0)        n >= n_0 - 3/8
+    y_d = -S/2 - 3 s/4 + s (p^3 - p^4/2)         p = n - n_0 + 5/4 = 0 … 1
+    y_d = -S/2 + s (n - n_0)                     n = n_0 - 1/4 … n_0 + L - 1/4
+    y_d = S/2 + 3 s/4 + s (p - p^3 + p^4/2)      p = n - n_0 - L + 1/4 = 0 … 1
 
 The fast axis is at the middle of its trace where n is a whole number, so that the middle of the
-line i is at -S/2 + s i, and its trace begins a quarter of a line before. Before that the axis rests
-at 0, goes to where it is at n_0 - 3/8 as 35 q^4 - 84 q^5 + 70 q^6 - 20 q^7, q = 0 … 1, and waits.
+line i is at -S/2 + s i, and its trace begins a quarter of a line before. The line before it is that
+in which the axis gathers speed; after the last retrace it would come to rest, where the run is over.
+At first it rests at 0, goes to where it begins as 35 q^4 - 84 q^5 + 70 q^6 - 20 q^7, q = 0 … 1, and
+waits.
 """
 
 import math
@@ -35,11 +39,14 @@ from piezo_ros.experiment.planned_motion import planned_motion
 from piezo_ros.experiment.planned_scan import limits_of
 from piezo_ros.model import DynamicsParameters, HysteresisParameters, RigParameters
 
-__all__ = ['approach_samples', 'rest_samples', 'slow_motion', 'slow_reference_um']
+__all__ = [
+    'LEAD_LINES', 'approach_samples', 'rest_samples', 'slow_motion', 'slow_reference_um',
+]
 
 _REST_SAMPLES: Final = 256  # more than any chain looks ahead
 _TURNS_OF_SLOWEST_POLE: Final = 20.0
-_EARLY_LINES: Final = 0.375  # that the slow axis moves before the middle of a trace
+LEAD_LINES: Final = 1.25  # that the slow axis moves before the middle of the first trace
+_TRACE_LINES: Final = 0.25  # from the begin of a trace to its middle
 _WAIT_SHARE: Final = 0.5  # of the approach
 
 
@@ -99,32 +106,38 @@ def slow_reference_um(
     --------
     >>> y_um = slow_reference_um(1000, 5, 4.0, 0.01, 4, 10)
     >>> [round(float(y_um[100 * line]), 12) for line in range(3, 10)]
-    [-2.375, -2.0, -1.0, 0.0, 1.0, 2.0, 3.0]
+    [-2.736328125, -2.0, -1.0, 0.0, 1.0, 2.0, 2.986328125]
 
     """
     turns = lines_per_sample * np.arange(samples)
     step_um = size_um / (lines - 1)
-    start_um = -0.5 * size_um - _EARLY_LINES * step_um
-    begin = (first_line - _EARLY_LINES) / lines_per_sample
+    start_um = -0.5 * size_um - (LEAD_LINES - 0.5) * step_um
+    begin = (first_line - LEAD_LINES) / lines_per_sample
     q = np.clip(
         (np.arange(samples) - rest) * (1.0 + _WAIT_SHARE) / max(begin - rest, 1.0), 0.0, 1.0)
     approach = q**4 * (35.0 - q * (84.0 - q * (70.0 - 20.0 * q)))
+    p = np.clip(turns - (first_line - LEAD_LINES), 0.0, 1.0)
+    last = first_line + lines - _TRACE_LINES
+    after = np.clip(turns - last, 0.0, 1.0)
+    steady = np.minimum(turns, last) - first_line
     return np.where(
-        turns < first_line - _EARLY_LINES, start_um * approach,
-        step_um * (turns - first_line) - 0.5 * size_um)
+        p < 1.0, start_um * approach + step_um * p**3 * (1.0 - 0.5 * p),
+        step_um * (steady + after - after**3 * (1.0 - 0.5 * after)) - 0.5 * size_um)
 
 
 def slow_motion(
-    reference_um: NDArray[np.float64], sample_period_s: float, known: RigParameters, *,
-    preview: bool,
+    reference_um: NDArray[np.float64], samples: int, sample_period_s: float, known: RigParameters,
+    *, preview: bool,
 ) -> MotionTable:
     """
     Return the motion of the slow axis as a table for the trajectory.
 
     Parameters
     ----------
-    reference_um : ndarray, shape (N,)
-        As `slow_reference_um` returns it.
+    reference_um : ndarray, shape (M,)
+        As `slow_reference_um` returns it, until the axis is at rest again.
+    samples : int
+        Samples N of the run, fewer: the axis need not be at rest at its end.
     sample_period_s : float
         Sample period, seconds.
     known : RigParameters
@@ -139,12 +152,11 @@ def slow_motion(
         If the motion asks for more than the amplifier has.
 
     """
-    table = MotionTable(reference_um, None, sample_period_s)
     if not preview:
-        return table
+        return MotionTable(reference_um[:samples], None, sample_period_s)
     values = known.to_mapping()
     planned = planned_motion(
-        table, DynamicsParameters.among(values), HysteresisParameters.among(values),
+        MotionTable(reference_um, None, sample_period_s), DynamicsParameters.among(values), HysteresisParameters.among(values),
         limits_of(known))
     # The chain answers later; the axis rests at first, and the fast one does not wait for it.
     late = planned.table
@@ -153,5 +165,6 @@ def slow_motion(
         raise ValueError(
             f'the slow axis moves within its first {planned.latency} samples, which the chain of '
             'inverses looks ahead')
+    kept = slice(planned.latency, planned.latency + samples)
     return MotionTable(
-        reference_um, late.command_um[planned.latency:].copy(), sample_period_s)
+        reference_um[:samples], late.command_um[kept].copy(), sample_period_s)
