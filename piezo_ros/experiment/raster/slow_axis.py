@@ -23,9 +23,9 @@ step s = S/(L - 1)::
 
 The fast axis is at the middle of its trace where n is a whole number, so that the middle of the
 line i is at -S/2 + s i, and its trace begins a quarter of a line before. The line before it is that
-in which the axis gathers speed; after the last retrace it would come to rest, where the run is over.
-At first it rests at 0, goes to where it begins as 35 q^4 - 84 q^5 + 70 q^6 - 20 q^7, q = 0 … 1, and
-waits.
+in which the axis gathers speed; after the last retrace, where the run is over, it would come to
+rest. At first it rests at 0, goes to where it begins as 35 q^4 - 84 q^5 + 70 q^6 - 20 q^7,
+q = 0 … 1, and waits.
 """
 
 import math
@@ -120,9 +120,9 @@ def slow_reference_um(
     last = first_line + lines - _TRACE_LINES
     after = np.clip(turns - last, 0.0, 1.0)
     steady = np.minimum(turns, last) - first_line
-    return np.where(
+    return np.asarray(np.where(
         p < 1.0, start_um * approach + step_um * p**3 * (1.0 - 0.5 * p),
-        step_um * (steady + after - after**3 * (1.0 - 0.5 * after)) - 0.5 * size_um)
+        step_um * (steady + after - after**3 * (1.0 - 0.5 * after)) - 0.5 * size_um))
 
 
 def slow_motion(
@@ -156,8 +156,8 @@ def slow_motion(
         return MotionTable(reference_um[:samples], None, sample_period_s)
     values = known.to_mapping()
     planned = planned_motion(
-        MotionTable(reference_um, None, sample_period_s), DynamicsParameters.among(values), HysteresisParameters.among(values),
-        limits_of(known))
+        MotionTable(reference_um, None, sample_period_s), DynamicsParameters.among(values),
+        HysteresisParameters.among(values), limits_of(known))
     # The chain answers later; the axis rests at first, and the fast one does not wait for it.
     late = planned.table
     assert late.command_um is not None
