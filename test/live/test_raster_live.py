@@ -51,7 +51,7 @@ def test_live_scans_have_the_bits_of_offline_ones(rig, scan_plan, tmp_path, proc
     offline = rig.piezo('simulate', plan, '-o', tmp_path / 'offline')
     assert offline.wait() == 0, offline.output
     live = rig.piezo('run', plan, '-o', tmp_path / 'live', processes)
-    assert live.wait() == 0, live.output
+    assert live.wait(280) == 0, live.output
     bags = sorted(
         path.parent.relative_to(tmp_path / 'offline')
         for path in (tmp_path / 'offline').rglob('metadata.yaml'))
@@ -85,7 +85,7 @@ def test_an_axis_that_dies_ends_both_and_is_named(rig, scan_plan, tmp_path):
         if _is_plant_of_slow_axis(pid, command.pid)]
     assert len(victims) == 1
     os.kill(victims[0], signal.SIGKILL)
-    assert command.wait() == 1
+    assert command.wait(180) == 1
     assert 'slow axis: plant was killed by SIGKILL' in command.output
     assert 'fast axis' not in command.output
     assert 'Traceback' not in command.output
