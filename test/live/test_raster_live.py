@@ -20,10 +20,12 @@ import signal
 import numpy as np
 import pytest
 import yaml
+from processes import wait_until
 
 from piezo_ros.bag import STREAMS, read
 
-pytestmark = pytest.mark.slow  # test_raster_rigs.py has what leads the graphs, in memory
+# test_raster_rigs.py has what leads the graphs, in memory.
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
 
 
 @pytest.fixture
@@ -49,7 +51,7 @@ def scan_plan(tmp_path, write_plan):
 def test_live_scans_have_the_bits_of_offline_ones(rig, scan_plan, tmp_path, processes):
     plan = scan_plan(4)
     offline = rig.piezo('simulate', plan, '-o', tmp_path / 'offline')
-    assert offline.wait() == 0, offline.output
+    assert offline.wait(280) == 0, offline.output
     live = rig.piezo('run', plan, '-o', tmp_path / 'live', processes)
     assert live.wait(280) == 0, live.output
     bags = sorted(
@@ -70,16 +72,15 @@ def test_live_scans_have_the_bits_of_offline_ones(rig, scan_plan, tmp_path, proc
 
 
 def test_an_axis_that_dies_ends_both_and_is_named(rig, scan_plan, tmp_path):
-    command = rig.piezo('run', scan_plan(20_000), '-o', tmp_path / 'out', '--separate')
+    command = rig.piezo('run', scan_plan(5_000), '-o', tmp_path / 'out', '--separate')
     bags = tmp_path / 'out' / 'bags'
     command.wait_for('[1/1]')
-    from processes import wait_until
     log = wait_until(
         lambda: next(iter((tmp_path / 'out' / 'logs').glob('*_slow/recorder.log')), None),
-        'the slow axis')
+        'the slow axis', timeout_s=240.0)
     wait_until(
         lambda: sum(path.stat().st_size > 50_000 for path in bags.rglob('*.mcap')) == 2,
-        'samples of both axes')
+        'samples of both axes', timeout_s=240.0)
     victims = [
         pid for pid in map(int, filter(str.isdigit, os.listdir('/proc')))
         if _is_plant_of_slow_axis(pid, command.pid)]
