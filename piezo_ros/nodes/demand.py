@@ -236,19 +236,10 @@ class JointDemand:
 
     def take(self) -> bool:
         """Take the newest demands; return whether there is a new one."""
-        # Each of them takes its own, whatever the others have.
         taken = [reader.take() for reader in (self._own, *self._others)]
         return any(taken)
 
     def check_writer(self, timeout_s: float) -> None:
-        """
-        Check that every demand that is waited for still has a writer.
-
-        Raises
-        ------
-        StreamFault
-            If one has had none for some time, or has several.
-
-        """
+        """Check that every demand that is waited for has its writer, as `DemandReader` does."""
         for reader in (self._own, *(other for other in self._others if other.newest != 0)):
             reader.check_writer(timeout_s)
