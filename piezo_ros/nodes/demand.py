@@ -18,7 +18,7 @@ The demand: how far the trajectory may send, published by the node that consumes
 It only grows during a run. A zero says that nothing more is wanted.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 
 from std_msgs.msg import UInt64
 
@@ -29,7 +29,7 @@ from piezo_ros.runtime.streams.qos import LATCHED
 from piezo_ros.runtime.streams.reader import StreamReader
 from piezo_ros.runtime.streams.writer_names import names_of_endpoints, wrong_writers
 
-__all__ = ['DemandReader', 'DemandWriter', 'JointDemand']
+__all__ = ['DemandReader', 'DemandWriter']
 
 
 class DemandWriter:
@@ -187,59 +187,3 @@ class DemandReader:
             self._lost = RunningTime()
         elif self._lost.elapsed_s() > timeout_s:
             raise StreamFault(f'{self.topic_name} lost its writer')
-
-
-class JointDemand:
-    """
-    The demand of the own rig, as far as rigs that are kept in step demand the same.
-
-    A rig of which the demand has ended holds none up: its run is over, well or not, and a
-    supervisor of both knows which.
-
-    Parameters
-    ----------
-    node : LoopNode
-        The trajectory.
-    namespaces : sequence of str
-        Of the other rigs.
-
-    """
-
-    def __init__(self, node: LoopNode, namespaces: Sequence[str] = ()) -> None:
-        self._own = DemandReader(node)
-        self._others = [DemandReader(node, f'{namespace}/demand') for namespace in namespaces]
-
-    @property
-    def limit(self) -> int:
-        """Samples below this index are demanded."""
-        return min([self._own.limit, *(
-            other.limit for other in self._others if other.newest != 0)])
-
-    @property
-    def ended(self) -> bool:
-        """Whether the own rig wants nothing more."""
-        return self._own.ended
-
-    def start(self) -> None:
-        """Begin a run."""
-        for reader in (self._own, *self._others):
-            reader.start()
-
-    def wrong_writers(self) -> str:
-        """Return which writers a demand has, if that is not exactly one, else ''."""
-        return next(filter(None, (
-            reader.wrong_writers() for reader in (self._own, *self._others))), '')
-
-    def why_ended(self) -> str:
-        """Return what has ended the demand, see `DemandReader.why_ended`."""
-        return self._own.why_ended()
-
-    def take(self) -> bool:
-        """Take the newest demands; return whether there is a new one."""
-        taken = [reader.take() for reader in (self._own, *self._others)]
-        return any(taken)
-
-    def check_writer(self, timeout_s: float) -> None:
-        """Check that every demand that is waited for has its writer, as `DemandReader` does."""
-        for reader in (self._own, *(other for other in self._others if other.newest != 0)):
-            reader.check_writer(timeout_s)

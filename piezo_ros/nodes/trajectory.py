@@ -18,7 +18,7 @@ from typing import Any
 
 from piezo_ros.control.trajectory import TrajectoryParameters
 from piezo_ros.control.trajectory_blocks import trajectory_blocks
-from piezo_ros.nodes.demand import JointDemand
+from piezo_ros.nodes.joint_demand import JointDemand
 from piezo_ros.parameters.node_parameters import BlockParameters
 from piezo_ros.runtime.node.loop_node import LoopNode
 from piezo_ros.runtime.node.parameters import read

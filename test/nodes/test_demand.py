@@ -17,7 +17,8 @@
 import pytest
 from std_msgs.msg import UInt64
 
-from piezo_ros.nodes.demand import DemandReader, DemandWriter, JointDemand
+from piezo_ros.nodes.demand import DemandReader, DemandWriter
+from piezo_ros.nodes.joint_demand import JointDemand
 from piezo_ros.runtime.streams.fault import StreamFault
 from piezo_ros.runtime.streams.qos import EVERY_STATUS, LATCHED
 
