@@ -24,6 +24,7 @@ NOT_MEASURED := test/live/test_stop.py::test_ctrl_c_at_any_moment_of_the_start_l
 # A second call finds the stamp and is instant; another ROS has another stamp.
 ROS := $(or $(DISTRO),default)-$(or $(ROS_DISTRO),wheels)
 DEMO_READY := $(VENV)/.stamp-demo-$(ROS)
+IMAGE_READY := $(VENV)/.stamp-image-$(ROS)
 TEST_READY := $(VENV)/.stamp-test-$(ROS)
 METADATA := setup.py setup.cfg .ci/setup-venv
 SETUP_VENV = @DISTRO='$(DISTRO)' bash .ci/setup-venv $(PYTHON) $(VENV)
@@ -32,7 +33,7 @@ RUN = $(if $(shell ls $(VENV)/.no-ros 2> /dev/null),simulate,run)
 TELL = @cat $(VENV)/.no-ros 2> /dev/null || true
 
 .DEFAULT_GOAL := help
-.PHONY: help demo paper bench test test-slow test-matrix coverage lint docs outputs clean
+.PHONY: help demo paper image bench test test-slow test-matrix coverage lint docs outputs clean
 
 help:  ## this list
 	@sed -nE 's/^([a-z-]+):.*## (.*)/make \1|\2/p' Makefile | awk -F'|' '{printf "  %-18s%s\n", $$1, $$2}'
@@ -44,6 +45,10 @@ demo: $(DEMO_READY)  ## set up .venv, drive the simulated rig through ROS, repor
 paper: $(DEMO_READY)  ## every table and figure of the paper from live runs, into out/paper
 	$(TELL)
 	$(BIN)/piezo $(RUN) config/experiments/paper.yaml -o out/paper --force
+
+image: $(IMAGE_READY)  ## raster scans, published, planned, learned: images and their errors, into out/image
+	$(TELL)
+	$(BIN)/piezo $(RUN) config/experiments/raster.yaml -o out/image --force $(if $(filter run,$(RUN)),--composed)
 
 bench: $(DEMO_READY)  ## measure this machine into docs/bench, several minutes; it should do nothing else
 	mkdir -p docs/bench
@@ -89,6 +94,10 @@ clean:  ## remove .venv and .matrix, what was built and what tools cached; out/ 
 $(DEMO_READY): $(METADATA)
 	$(SETUP_VENV)
 	@touch $@
+
+$(IMAGE_READY): $(METADATA)
+	$(SETUP_VENV) images
+	@touch $@ $(DEMO_READY)
 
 $(TEST_READY): $(METADATA)
 	$(SETUP_VENV) test

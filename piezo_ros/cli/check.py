@@ -124,7 +124,12 @@ def _check_plan(path: Path) -> int:
         return 2
     from piezo_ros.experiment.plan import read_plan
     from piezo_ros.experiment.plan.rig_limits import check_plan
-    demands = check_plan(read_plan(path))
+    plan = read_plan(path)
+    if plan.scans:
+        from piezo_ros.experiment.raster.motions import check_scans
+        demands = check_scans(plan.scans)
+    else:
+        demands = check_plan(plan)
     for demand in demands:
         print(demand.text)
     beyond = sum(demand.beyond for demand in demands)

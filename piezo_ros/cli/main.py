@@ -46,6 +46,7 @@ COMMANDS: Final = {
     'learn': 'improve such a scan by runs of the stage',
     'replay': 'what a recorded run would have been',
     'report': 'score bags and write the report',
+    'image': 'what a scanned image shows of two recorded axes',
     'bag': 'info, salvage, export',
     'sweep': 'thousands of simulated runs over drawn parameters',
     'calibrate': "fit the simulated rig's mismatches to Table 4 (how config/rig.yaml was made)",

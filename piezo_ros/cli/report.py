@@ -46,7 +46,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.epilog = _EXAMPLES
     parser.add_argument(
         'bags', type=Path, nargs='+', metavar='DIR|BAG',
-        help='bags, or output directories of piezo run')
+        help='bags, or output directories of piezo run; of raster scans the images are made')
     parser.add_argument(
         '-o', '--output', type=Path, required=True, metavar='DIR', help='output directory')
     parser.add_argument(
@@ -63,6 +63,39 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _report(options: argparse.Namespace) -> int:
+    from piezo_ros.experiment.raster.recorded_scans import has_scans
+    if any(map(has_scans, options.bags)):
+        return _report_scans(options)
+    return _report_runs(options)
+
+
+def _report_scans(options: argparse.Namespace) -> int:
+    from piezo_ros.experiment.raster.recorded_scans import has_scans, recorded_scans
+    from piezo_ros.report.page.raster_report import image_table, write_raster_report
+    for given in options.bags:
+        if not has_scans(given):
+            print(
+                f'piezo: {given} has no raster scans, others of the arguments have; report them '
+                'apart', file=sys.stderr)
+            return 2
+    try:
+        scans = [scan for given in options.bags for scan in recorded_scans(given, options.output)]
+        prepare_directory(options.output, force=options.force)
+        report = write_raster_report(
+            options.output, title=f'{len(scans)} recorded scans', scans=scans,
+            software=software_versions(), command=' '.join(['piezo', *sys.argv[1:]]))
+    except PlanError as error:
+        print(f'piezo: {error}', file=sys.stderr)
+        return 2
+    except (BagError, ValueError, OSError) as error:
+        print(f'piezo: {failure_text(error)}', file=sys.stderr)
+        return 1
+    print(image_table(scans))
+    print(f'report: {report}')
+    return 0
+
+
+def _report_runs(options: argparse.Namespace) -> int:
     from piezo_ros.report.page.run_report import write_report
     told = {
         name: str(value) for name in _DESCRIPTION

@@ -19,6 +19,7 @@ import importlib
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from piezo_ros.bag import BagError
 from piezo_ros.cli.shared.progress import Progress
@@ -29,7 +30,10 @@ from piezo_ros.parameters.errors import CampaignError, PlanError
 from piezo_ros.parameters.run import PlannedRun, RunResult
 from piezo_ros.report.run_tables import text_table
 
-__all__ = ['add_arguments', 'add_plan_arguments', 'check_ros', 'run_plan', 'with_plan']
+if TYPE_CHECKING:
+    from piezo_ros.experiment.raster.run_raster import Rigs
+
+__all__ = ['add_arguments', 'add_plan_arguments', 'check_ros', 'run_plan', 'run_scans', 'with_plan']
 
 _EXAMPLES = """\
 examples:
@@ -72,7 +76,17 @@ def _run_live(options: argparse.Namespace) -> int:
         from piezo_ros.live.kept_graph import KeptGraph
         from piezo_ros.live.supervisor import Supervisor
         progress = Progress()
+        if plan.scans and options.keep:
+            raise CampaignError(
+                f'{plan.path} has raster scans, for which --keep is not there; --composed is')
         with Supervisor(options.namespace) as supervisor:
+            if plan.scans:
+                from piezo_ros.experiment.plan.raster_scan import AXES
+                from piezo_ros.live.raster_rigs import RasterRigs
+                supervisor.exit_code = run_scans(plan, options.output, RasterRigs(
+                    supervisor, options.output, AXES, composed=options.composed,
+                    progress=progress.show), progress)
+                return supervisor.exit_code
             if plan.study or options.keep:
                 # Hundreds of short runs: one composed graph is led through all of them.
                 graph: KeptGraph | GraphPerRun = KeptGraph(supervisor, options.output)
@@ -146,4 +160,20 @@ def run_plan(
     else:
         print(summary)
         print(f'report: {report}')
+    return 0
+
+
+def run_scans(plan: Plan, directory: Path, rigs: 'Rigs', progress: Progress) -> int:
+    """Do every raster scan of a plan, report them and return the exit code."""
+    from piezo_ros.experiment.raster.run_raster import run_raster
+    from piezo_ros.report.page.raster_report import image_table
+    try:
+        campaign = run_raster(plan, directory, rigs, progress.announce)
+    except CampaignError as error:
+        progress.end()
+        print(f'piezo: {error}', file=sys.stderr)
+        return 1
+    progress.end()
+    print(image_table(campaign.scans))
+    print(f'report: {campaign.report}')
     return 0

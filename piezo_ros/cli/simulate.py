@@ -16,7 +16,7 @@
 
 import argparse
 
-from piezo_ros.cli.run import add_plan_arguments, run_plan, with_plan
+from piezo_ros.cli.run import add_plan_arguments, run_plan, run_scans, with_plan
 from piezo_ros.cli.shared.progress import Progress
 from piezo_ros.experiment.plan import Plan
 
@@ -33,6 +33,9 @@ def _simulate(options: argparse.Namespace) -> int:
     from piezo_ros.experiment.offline import simulate_run
 
     def campaign(plan: Plan) -> int:
+        if plan.scans:
+            from piezo_ros.experiment.raster.offline_rigs import OfflineRigs
+            return run_scans(plan, options.output, OfflineRigs(), Progress())
         return run_plan(plan, options.output, simulate_run, Progress())
 
     return with_plan(options, campaign)

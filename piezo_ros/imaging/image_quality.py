@@ -40,8 +40,10 @@ class ImageQuality:
 
     Attributes
     ----------
+    line_rms_percent : float
+        Deviation along the fast axis, trace and retrace, of the travel of a line.
     rms_px, maximum_px : float
-        Deviation of the trace from the nominal place.
+        Deviation of the trace from where it should have been.
     affine_rms_px : float
         The same after the best affine map.
     scale_error_percent : float
@@ -55,6 +57,7 @@ class ImageQuality:
 
     """
 
+    line_rms_percent: float
     rms_px: float
     maximum_px: float
     affine_rms_px: float
@@ -79,22 +82,31 @@ def image_quality(images: RasterImages, sample: SyntheticSample) -> ImageQuality
     """
     nominal_x, nominal_y = np.broadcast_arrays(
         images.nominal_x_um[None, :], images.nominal_y_um[:, None])
-    x_px = (images.trace_x_um - nominal_x) / images.pixel_um
-    y_px = (images.trace_y_um - nominal_y) / images.line_um
+    x_px, y_px = images.trace_deviation_px
+    back_x_px, _ = images.retrace_deviation_px
     size_px = np.hypot(x_px, y_px)
     design = np.column_stack([np.ones(x_px.size), nominal_x.ravel(), nominal_y.ravel()])
     shares, left_x, left_y = _affine(design, x_px, y_px)
-    back_px = (images.retrace_x_um - images.trace_x_um) / images.pixel_um
+    back_px = back_x_px - x_px
     lines_px = x_px.mean(axis=1)
     seen, ideal = images.trace(sample).ravel(), images.ideal(sample).ravel()
+    of_travel = images.pixel_um / images.travel_um
     return ImageQuality(
+        line_rms_percent=100.0 * of_travel * _rms(np.concatenate([x_px, back_x_px])),
         rms_px=_rms(size_px), maximum_px=float(size_px.max()),
         affine_rms_px=_rms(np.hypot(left_x, left_y)),
         scale_error_percent=100.0 * float(shares[1]) * images.pixel_um,
         trace_retrace_mean_px=float(back_px.mean()),
         trace_retrace_rms_px=float(back_px.std()),
         line_jitter_px=_rms(np.diff(lines_px)) / np.sqrt(2.0),
-        correlation=float(np.corrcoef(seen, ideal)[0, 1]))
+        correlation=_correlation(seen, ideal))
+
+
+def _correlation(one: _Floats, other: _Floats) -> float:
+    """Return the correlation of two images; nothing correlates with an image that is flat."""
+    if not np.ptp(one) or not np.ptp(other):
+        return 0.0
+    return float(np.corrcoef(one, other)[0, 1])
 
 
 def _affine(design: _Floats, x_px: _Floats, y_px: _Floats) -> tuple[_Floats, _Floats, _Floats]:

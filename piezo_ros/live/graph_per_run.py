@@ -29,7 +29,7 @@ from piezo_ros.parameters.run import PlannedRun, RunResult
 from piezo_ros.resource_limits import memory_limit
 from piezo_ros.runtime.process.running_time import RunningTime
 
-__all__ = ['GraphPerRun']
+__all__ = ['GraphPerRun', 'LiveRun']
 
 # How long a run must be for compiled steps to make up for the compiler's start: without feedback a
 # second's work of Python steps; with it, what the loop waits for the plant, which has the longest
@@ -92,29 +92,69 @@ class GraphPerRun:
             the bag.
 
         """
+        run = self.start(planned, bag)
+        try:
+            while not (run.over() or self.interrupted()):
+                self.follow(run)
+                time.sleep(POLL_S)
+            self.end(run)
+        finally:
+            self.kill()
+        return self.result(run, bag)
+
+    def start(self, planned: PlannedRun, bag: Path) -> 'LiveRun':
+        """
+        Start the processes of a run.
+
+        Parameters
+        ----------
+        planned : PlannedRun
+            The run.
+        bag : Path
+            Bag directory; must not exist.
+
+        Raises
+        ------
+        CampaignError
+            If this process was asked to end.
+
+        """
         supervisor = self._supervisor
         if supervisor.stop_signal:
             raise CampaignError(stopped_by(supervisor.stop_signal))
-        logs = self._directory / 'logs' / planned.name
+        logs = self._logs(planned)
         logs.mkdir(parents=True)
         supervisor.begin_graph()
-        run = _LiveRun(supervisor, planned)
+        run = LiveRun(supervisor, planned)
         arguments = self._write_parameters(planned, bag)
         nodes = ['loop'] if self._composed and not planned.bare else planned.nodes
         try:
             for name in [*(['recorder'] if self._record else []), *nodes]:
                 supervisor.processes.start(name, arguments, logs / f'{name}.log')
-            while not (run.over() or supervisor.processes.dead() or supervisor.stop_signal):
-                self._follow(run)
-                time.sleep(POLL_S)
-            self._follow(run)
-            run.stop()
-            self._follow(run)
-        finally:
-            # Whatever was raised here, the nodes bring the voltage to zero and close the bag.
-            supervisor.processes.stop()
-            supervisor.processes.kill()
-        return self._result(run, bag, logs)
+        except BaseException:
+            self.kill()
+            raise
+        return run
+
+    def interrupted(self) -> bool:
+        """Return whether a process has failed or this one was asked to end."""
+        return self._supervisor.processes.dead() or bool(self._supervisor.stop_signal)
+
+    def follow(self, run: 'LiveRun') -> None:
+        """Take in what the nodes say."""
+        self._supervisor.take_statuses()
+        self._progress(run.share_done)
+
+    def end(self, run: 'LiveRun') -> None:
+        """End every process, and take in the last that the nodes say."""
+        self.follow(run)
+        run.stop()
+        self.follow(run)
+
+    def kill(self) -> None:
+        """Leave no process; whatever was raised, nodes zero the voltage and close the bag first."""
+        self._supervisor.processes.stop()
+        self._supervisor.processes.kill()
 
     def _write_parameters(self, planned: PlannedRun, bag: Path) -> list[str]:
         """Write the parameter file of the run and return the arguments that load it."""
@@ -123,11 +163,19 @@ class GraphPerRun:
             planned, bag, record=self._record, autostart=True,
             compiled=planned.nodes if self._composed else _worth_compiling(planned), file=path))
 
-    def _follow(self, run: '_LiveRun') -> None:
-        self._supervisor.take_statuses()
-        self._progress(run.share_done)
+    def _logs(self, planned: PlannedRun) -> Path:
+        return self._directory / 'logs' / planned.name
 
-    def _result(self, run: '_LiveRun', bag: Path, logs: Path) -> RunResult:
+    def result(self, run: 'LiveRun', bag: Path) -> RunResult:
+        """
+        Return how an ended run went.
+
+        Raises
+        ------
+        CampaignError
+            If a node failed or died, or the run was stopped from outside.
+
+        """
         notes = rescue(bag)
         stop_signal = self._supervisor.stop_signal
         problems = run.problems(stopped=bool(stop_signal))
@@ -136,7 +184,7 @@ class GraphPerRun:
         if problems:
             problems += voltage_at_the_end(
                 run.plant_status, killed=self._supervisor.processes.was_killed('plant', 'loop'))
-            problems.append(f'logs: {logs}')
+            problems.append(f'logs: {self._logs(run.planned)}')
             raise CampaignError('; '.join([*problems, *notes]))
         return RunResult(run.wall_seconds, tuple(notes))
 
@@ -151,11 +199,21 @@ def _worth_compiling(planned: PlannedRun) -> Collection[str]:
     return ('plant',) if samples > _WORTH_COMPILING_PLANT else ()
 
 
-class _LiveRun:
-    """The processes of one run and what they have said of it."""
+class LiveRun:
+    """
+    The processes of one run and what they have said of it.
+
+    Parameters
+    ----------
+    supervisor : Supervisor
+        What starts and ends them.
+    planned : PlannedRun
+        The run.
+
+    """
 
     def __init__(self, supervisor: Supervisor, planned: PlannedRun) -> None:
-        self._planned = planned
+        self.planned = planned
         self._statuses = supervisor.statuses
         self._processes = supervisor.processes
         self._recorded: RunningTime | None = None  # since all is recorded
@@ -167,7 +225,7 @@ class _LiveRun:
         recorded = 'recorder' in self._processes
         if recorded and self._processes.runs('recorder'):
             return False
-        states = [self._statuses.get(node, {}).get('state') for node in self._planned.nodes]
+        states = [self._statuses.get(node, {}).get('state') for node in self.planned.nodes]
         if all(state in ('finished', 'faulted', 'stopped') for state in states):
             return True
         if not recorded:
@@ -175,6 +233,12 @@ class _LiveRun:
         # The last statuses may be on their way, or their writers not discovered yet.
         self._recorded = self._recorded or RunningTime()
         return self._recorded.elapsed_s() > _LAST_STATUS_S
+
+    def finished(self) -> bool:
+        """Return whether every node has come to the end of the run."""
+        return self.over() and not self._faults() and all(
+            self._statuses.get(node, {}).get('state') == 'finished'
+            for node in self.planned.nodes)
 
     @property
     def plant_status(self) -> dict[str, Any]:
@@ -184,7 +248,7 @@ class _LiveRun:
     @property
     def share_done(self) -> float:
         """Share of the samples that the plant has answered, 0 … 1."""
-        return min(1.0, self.plant_status.get('index', 0) / self._planned.trajectory.samples)
+        return min(1.0, self.plant_status.get('index', 0) / self.planned.trajectory.samples)
 
     @property
     def wall_seconds(self) -> float:
@@ -233,7 +297,7 @@ class _LiveRun:
         for status in self._statuses.values():
             if status['state'] == 'stopped':
                 return [f'{status["node"]} was stopped: {status["reason"]}']
-        plant, samples = self.plant_status, self._planned.trajectory.samples
+        plant, samples = self.plant_status, self.planned.trajectory.samples
         if plant and plant['index'] < samples:
             return [f'the run ended after {plant["index"]} of {samples} samples']
         return []

@@ -77,6 +77,7 @@ class Supervisor:
         self.statuses: dict[str, dict[str, Any]] = {}
         self.exit_code = 1
         self._stop = StopRequest()
+        self._beside: list[Supervisor] = []
 
     def __enter__(self) -> 'Supervisor':
         """Listen to the status of the nodes; take over the stop signals."""
@@ -88,14 +89,37 @@ class Supervisor:
         keep_discovery_on_this_machine()
         initialise_rclpy()
         self._node = rclpy.create_node('supervisor', namespace=self.namespace)
-        self._subscription = self._node.create_subscription(
-            String, 'status', self._note, EVERY_STATUS)
+        self._subscribe('status')
         return self
+
+    def _subscribe(self, topic: str) -> None:
+        self._subscription = self._node.create_subscription(
+            String, topic, self._note, EVERY_STATUS)
+
+    def below(self, name: str) -> 'Supervisor':
+        """
+        Return a supervisor for one more rig, in a namespace below this one.
+
+        It needs no context of its own: it is stopped by the same signals and ends with this one.
+
+        Parameters
+        ----------
+        name : str
+            The last part of its namespace.
+
+        """
+        other = Supervisor(f'{self.namespace}/{name}')
+        other._stop = self._stop
+        other._node = self._node
+        other._subscribe(f'{name}/status')
+        self._beside.append(other)
+        return other
 
     def __exit__(self, *_: object) -> None:
         """End the processes and give everything back."""
-        self.processes.stop()
-        self.processes.kill()
+        for supervisor in (self, *self._beside):
+            supervisor.processes.stop()
+            supervisor.processes.kill()
         stay = exit_after(_LEAVE_S, self.exit_code)
         destroy_after_others(self._node)
         rclpy.try_shutdown()

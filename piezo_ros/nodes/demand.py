@@ -100,25 +100,30 @@ class DemandReader:
     ----------
     node : LoopNode
         The trajectory.
+    topic : str, optional
+        Where the demand is.
 
     Attributes
     ----------
     limit : int
         Samples below this index are demanded.
+    newest : int or None
+        The newest demand, None before any.
     ended : bool
         Whether nothing more is wanted.
 
     """
 
-    def __init__(self, node: LoopNode) -> None:
+    def __init__(self, node: LoopNode, topic: str = 'demand') -> None:
         self._node = node
-        self._subscription = node.create_own_subscription(UInt64, 'demand', LATCHED)
+        self._subscription = node.create_own_subscription(UInt64, topic, LATCHED)
         self._take_message = self._subscription.handle.take_message
         self.start()
 
     def start(self) -> None:
         """Begin a run."""
         self.limit = 0
+        self.newest: int | None = None
         self.ended = False
         self._lost: RunningTime | None = None  # since when it has had no writer
 
@@ -158,6 +163,7 @@ class DemandReader:
         taken = self._take_message(UInt64, False)
         if taken is None:
             return False
+        self.newest = taken[0].data
         # A zero before anything was demanded is the end of an earlier run.
         self.ended = taken[0].data == 0 and self.limit > 0
         self.limit = max(self.limit, taken[0].data)

@@ -18,7 +18,7 @@ from typing import Any
 
 from piezo_ros.control.trajectory import TrajectoryParameters
 from piezo_ros.control.trajectory_blocks import trajectory_blocks
-from piezo_ros.nodes.demand import DemandReader
+from piezo_ros.nodes.joint_demand import JointDemand
 from piezo_ros.parameters.node_parameters import BlockParameters
 from piezo_ros.runtime.node.loop_node import LoopNode
 from piezo_ros.runtime.node.parameters import read
@@ -46,8 +46,8 @@ class Trajectory(LoopNode):
         self._block_samples = read(self, BlockParameters).block_samples
 
     def create_endpoints(self) -> None:
-        """Create the subscription of the demand."""
-        self._demand = DemandReader(self)
+        """Create the subscriptions of the demand, and of that of rigs in step."""
+        self._demand = JointDemand(self, read(self, BlockParameters).rigs_in_step)
 
     def missing_peers(self) -> str:
         """Return why no samples can be demanded, '' where they can."""

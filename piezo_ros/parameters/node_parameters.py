@@ -19,6 +19,7 @@ The nodes declare these sets, plans and offline simulation check against them, a
 documentation are printed from them.
 """
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
@@ -146,10 +147,25 @@ class DemandParameters(ParameterSet):
 
 @dataclass(frozen=True, kw_only=True)
 class BlockParameters(ParameterSet):
-    """How the trajectory is cut into blocks."""
+    """In which blocks the trajectory sends, and which rigs it does not run ahead of."""
 
     block_samples: int = parameter(
         500, 'samples', 'largest block', minimum=1, maximum=10**6)
+    lockstep_with: str = parameter(
+        '', '', 'namespaces of other rigs, separated by commas, that must demand a sample as well '
+        'before it is sent, as of the other axis of a scan: /x,/y', change='configuration')
+
+    def check_together(self) -> None:
+        """Refuse what is no namespace."""
+        for namespace in self.rigs_in_step:
+            if not re.fullmatch(r'(/[A-Za-z_][A-Za-z0-9_]*)+', namespace):
+                raise ParameterError(
+                    f'lockstep_with has {namespace!r}, it must be a full namespace such as /x')
+
+    @property
+    def rigs_in_step(self) -> tuple[str, ...]:
+        """The namespaces as a tuple."""
+        return tuple(name.strip() for name in self.lockstep_with.split(',') if name.strip())
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -107,3 +107,77 @@ def test_streams_of_unlike_length_and_a_single_line_are_refused():
     short = slice(0, SAMPLES)
     with pytest.raises(ValueError, match='holds [01] whole lines'):
         raster_images(fast_um[short], fast_um[short], slow_um[short], slow_um[short])
+
+
+def approached(lines_up=8, rest=3):
+    """Return a scan with soft start, approach, rest, and a frame that goes up and half down."""
+    lines = 4 + rest + lines_up + lines_up // 2
+    turns = np.arange(lines * SAMPLES) / SAMPLES
+    fast_um = np.minimum(turns, 2.0) / 2.0 * 2.0 * np.sin(2.0 * np.pi * turns)
+    start = 4 + rest
+    slow_um = np.interp(
+        turns, [0.0, 1.0, 4.0, start - 0.3, start + lines_up - 0.2, lines],
+        [0.0, 0.0, -1.6, -1.6, 1.6, 0.0])
+    return fast_um, slow_um, start
+
+
+def test_the_frame_leaves_out_soft_start_approach_rest_and_the_way_back():
+    fast_um, slow_um, start = approached()
+    made = raster_images(fast_um, fast_um, slow_um, slow_um, pixels=PIXELS)
+    assert made.nominal_y_um.size == 8
+    assert np.ptp(np.diff(made.nominal_y_um)) < 1e-3
+    assert made.samples[0] == pytest.approx((start - 0.25) * SAMPLES, abs=1)
+    assert made.samples[1] == pytest.approx((start + 7.75) * SAMPLES, abs=1)
+    assert made.travel_um == pytest.approx(4.0, abs=1e-3)
+    # Along a steady slow axis the tip is where it should be.
+    assert image_quality(made, SAMPLE).rms_px < 1e-6
+
+
+def test_a_scan_about_another_place_is_one_about_that_place():
+    fast_um, slow_um, _ = approached()
+    made = raster_images(fast_um + 1.5, fast_um + 1.5, slow_um, slow_um, pixels=PIXELS)
+    assert made.nominal_x_um.mean() == pytest.approx(1.5, abs=1e-3)
+
+
+def test_lines_cut_by_the_ends_of_the_record_are_left_out():
+    fast_um, slow_um = scan()
+    first, last = int(0.3 * SAMPLES), int(0.2 * SAMPLES)
+    whole = raster_images(fast_um, fast_um, slow_um, slow_um, pixels=PIXELS)
+    cut = raster_images(*(
+        stream[first:-last] for stream in (fast_um, fast_um, slow_um, slow_um)), pixels=PIXELS)
+    assert whole.nominal_y_um.size - 2 <= cut.nominal_y_um.size < whole.nominal_y_um.size
+    np.testing.assert_allclose(
+        cut.trace_x_um, np.broadcast_to(cut.nominal_x_um, cut.trace_x_um.shape), atol=1e-9)
+
+
+def test_a_measured_reference_with_noise_has_the_same_lines():
+    fast_um, slow_um = scan()
+    noise_um = 1e-3 * np.random.default_rng(3).standard_normal((2, fast_um.size))
+    made = raster_images(
+        fast_um + noise_um[0], fast_um, slow_um + 0.1 * noise_um[1], slow_um, pixels=PIXELS)
+    assert made.nominal_y_um.size == images().nominal_y_um.size
+    assert image_quality(made, SAMPLE).rms_px < 0.2
+
+
+@pytest.mark.parametrize(('fast', 'slow', 'problem'), [
+    (lambda x, y: x, lambda x, y: 0.0 * y, 'stays within 0 um'),
+    (lambda x, y: y, lambda x, y: x, 'goes to and fro on each line'),
+    (lambda x, y: np.where(np.arange(x.size) == 7, np.nan, x), lambda x, y: y,
+     'fast reference is nan at sample 7'),
+])
+def test_what_is_no_raster_scan_is_refused(fast, slow, problem):
+    fast_um, slow_um = scan()
+    x_um, y_um = fast(fast_um, slow_um), slow(fast_um, slow_um)
+    with pytest.raises(ValueError, match=problem):
+        raster_images(x_um, fast_um, y_um, slow_um)
+
+
+def test_a_line_deviation_is_of_the_travel():
+    # 1 % of the place: the lines are straight, over 80 % of the travel.
+    seen = quality(fast=lambda x: 1.01 * x)
+    assert seen.line_rms_percent == pytest.approx(0.8 * 50.0 / np.sqrt(3.0) * 0.01, rel=0.01)
+
+
+def test_a_flat_image_correlates_with_nothing():
+    made = images(fast=lambda x: 0.0 * x, slow=lambda y: 0.0 * y)
+    assert image_quality(made, SAMPLE).correlation == 0.0

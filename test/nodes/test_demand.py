@@ -18,6 +18,7 @@ import pytest
 from std_msgs.msg import UInt64
 
 from piezo_ros.nodes.demand import DemandReader, DemandWriter
+from piezo_ros.nodes.joint_demand import JointDemand
 from piezo_ros.runtime.streams.fault import StreamFault
 from piezo_ros.runtime.streams.qos import EVERY_STATUS, LATCHED
 
@@ -142,3 +143,54 @@ def test_a_writer_that_stays_away_is_a_fault_after_the_timeout(transport, reader
     clock.run(0.5, lambda: reader.check_writer(0.5))
     with pytest.raises(StreamFault, match='/rig/demand lost its writer'):
         clock.run(0.3, lambda: reader.check_writer(0.5))
+
+
+@pytest.fixture
+def joint(transport):
+    """Return the joint demand of two rigs, and what each of them writes."""
+    other = DemandWriter(transport.owner('controller_of_y'))
+    other._publisher.destroy()
+    other._publisher = transport.owner('controller_of_y').create_own_publisher(
+        UInt64, '/rig/y/demand', LATCHED)
+    own = DemandWriter(transport.owner('controller'))
+    return JointDemand(transport.owner('trajectory'), ['/rig/y']), own, other
+
+
+def test_a_rig_in_step_sends_what_both_demand(joint):
+    reader, own, other = joint
+    own.start(0, 100)
+    assert reader.take()
+    assert reader.limit == 0
+    other.start(0, 10)
+    assert reader.take()
+    assert reader.limit == 10
+    other.update(300)
+    assert reader.take()
+    assert reader.limit == 100
+    assert not reader.take()
+
+
+def test_a_rig_that_has_ended_holds_up_no_other(joint):
+    reader, own, other = joint
+    own.start(0, 100)
+    other.start(0, 10)
+    reader.take()
+    other.end()
+    assert reader.take()
+    assert (reader.limit, reader.ended) == (100, False)
+    # Also where its run was so short that nothing but its end is seen.
+    reader.start()
+    own.start(0, 50)
+    other.end()
+    reader.take()
+    assert reader.limit == 50
+    own.end()
+    reader.take()
+    assert reader.ended
+
+
+def test_a_rig_in_step_must_be_there(joint, transport):
+    reader, _, other = joint
+    assert reader.wrong_writers() == ''
+    other._publisher.destroy()
+    assert '/rig/y/demand' in reader.wrong_writers()

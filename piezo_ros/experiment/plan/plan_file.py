@@ -23,6 +23,7 @@ from typing import Any, Final
 
 from piezo_ros.experiment.model_file import read_accuracy, read_bound
 from piezo_ros.experiment.plan.automatic import KNOWN_NODES, Known
+from piezo_ros.experiment.plan.raster_scan import RasterScan, read_scans
 from piezo_ros.experiment.plan.run_entry import RUN_KEYS, SHORT_KEYS, checked_parameters, plan_run
 from piezo_ros.parameters.errors import PlanError
 from piezo_ros.parameters.node_parameters import LOOP_NODES
@@ -38,8 +39,10 @@ __all__ = ['STUDIES', 'Plan', 'read_plan']
 FORMAT_VERSION: Final = 1
 _PLAN_KEYS: Final = (
     'format_version', 'title', 'parameter_files', 'known_rig_files', 'uncertainty_bound_file',
-    'sample_period_s', 'score_periods', 'runs', 'study', 'sweep')
-_KEYS_OF_RUNS: Final = ('runs', 'known_rig_files', 'uncertainty_bound_file', 'sweep')
+    'sample_period_s', 'score_periods', 'runs', 'study', 'sweep', 'scans', 'scan_defaults')
+_KEYS_OF_RUNS: Final = (
+    'runs', 'known_rig_files', 'uncertainty_bound_file', 'sweep', 'scans', 'scan_defaults')
+_NOT_OF_SCANS: Final = ('runs', 'sweep', 'score_periods', 'uncertainty_bound_file')
 STUDIES: Final = ('paper',)
 # A sweep draws more of them, and keeps none in memory.
 _MOST_RUNS: Final = 10_000
@@ -73,6 +76,8 @@ class Plan:
         What it says of a sweep, see `piezo_ros.experiment.sweep.sweep_plan`; None for none.
     notes : tuple of str
         What of its parameter files is ignored.
+    scans : tuple of RasterScan
+        Its raster scans, which are in place of runs.
 
     """
 
@@ -86,6 +91,7 @@ class Plan:
     known: Known = field(default_factory=Known)
     sweep: Any = None
     notes: tuple[str, ...] = ()
+    scans: tuple[RasterScan, ...] = ()
 
 
 def read_plan(path: Path) -> Plan:
@@ -131,6 +137,13 @@ def read_plan(path: Path) -> Plan:
                 raise PlanError(f'{path}: a study makes its own runs, there must be no key {key}')
         return Plan(
             path, title, 4.0, (), base, str(content['study']), notes=_notes(path, content))
+    if scans := read_scans(
+            path, content, base, _read_known(path, content).sections,
+            lambda values, key, nodes: _read_sections(path, values, key, nodes)):
+        for key in _NOT_OF_SCANS:
+            if key in content:
+                raise PlanError(f'{path}: beside scans there must be no key {key}')
+        return Plan(path, title, 4.0, (), base, notes=_notes(path, content), scans=scans)
     entries = _list(path, 'runs', content.get('runs'))
     score_periods = content.get('score_periods', 4)
     if isinstance(score_periods, bool) or not isinstance(score_periods, int | float):

@@ -25,7 +25,7 @@ from piezo_ros.model.effects.load import average_slew
 from piezo_ros.parameters.errors import PlanError
 from piezo_ros.parameters.run import PlannedRun
 
-__all__ = ['Demand', 'check_plan']
+__all__ = ['Demand', 'check_plan', 'demand_of']
 
 _ROUNDING = 1.0 + 1e-9
 
@@ -126,10 +126,21 @@ def check_plan(plan: Plan) -> list[Demand]:
         raise PlanError(
             f'{plan.path}: the study {plan.study} decides on its runs while it runs; nothing can '
             'be checked before')
-    return [_demand(run, plan.score_periods) for run in plan.runs]
+    return [demand_of(run, plan.score_periods) for run in plan.runs]
 
 
-def _demand(run: PlannedRun, score_periods: float) -> Demand:
+def demand_of(run: PlannedRun, score_periods: float) -> Demand:
+    """
+    Return what a run asks of its rig.
+
+    Parameters
+    ----------
+    run : PlannedRun
+        The run; its plant stands for the rig.
+    score_periods : float
+        Periods at its end that count.
+
+    """
     if run.bare:
         bare = simulate_bare(run.plant, run.trajectory)
         voltage_v, displacement_um = bare.voltage_v, bare.displacement_um
