@@ -24,8 +24,12 @@ the data sheet)::
     average current   C A max over k of  sum max(+-(u[i] - u[i-1]), 0) / (n Ts),   i = k-n+1 ... k
 
 The average is that of the current which the amplifier sources, or sinks if that is more, over a
-window of n Ts seconds; before the block nothing flows. A continuous sine of peak-to-peak voltage
-U asks for the peak pi f C A U and the average f C A U, a triangle for 2 f C A U.
+window of n Ts seconds. Before the block nothing flows: a block shorter than the window has a
+smaller average than a scan that goes on like it. An amplifier gives more than its average for some
+milliseconds only, so the window is not to be much longer than a few periods of a scan.
+
+A continuous sine of peak-to-peak voltage U asks for the peak pi f C A U and the average f C A U, a
+triangle for the peak 2 f C A U.
 """
 
 import math
@@ -82,7 +86,7 @@ class DriveLimits(ParameterSet):
     average_current_a: float = parameter(
         0.06, 'A', 'average current of the amplifier', minimum=1e-9, maximum=1e3)
     average_current_window_s: float = parameter(
-        0.1, 's', 'time that the average current is taken over', minimum=1e-6, maximum=1e3)
+        0.02, 's', 'time that the average current is taken over', minimum=1e-6, maximum=1e3)
 
     def check_together(self) -> None:
         """Refuse an operating point outside the rails or the travel."""

@@ -59,17 +59,17 @@ def test_the_currents_of_a_triangle_are_those_of_the_data_sheet():
 
 
 def test_the_average_slides_and_is_of_the_larger_direction():
-    # Falls for 0.1 s, in the middle of the block; what is sunk counts as well.
+    # Falls for 0.02 s, in the middle of the block; what is sunk counts as well.
     block_v = np.concatenate(
-        [np.zeros(20_000), np.linspace(0.0, -1.0, 10_001)[1:], np.full(20_000, -1.0)])
+        [np.zeros(20_000), np.linspace(0.0, -1.0, 2001)[1:], np.full(20_000, -1.0)])
     figure = figures(block_v, load_capacitance_f=C)['average current']
-    assert figure.value == pytest.approx(C * 10.0 * 1.0 / 0.1, rel=1e-9)
-    assert figure.sample == 29_999
+    assert figure.value == pytest.approx(C * 10.0 * 1.0 / 0.02, rel=1e-9)
+    assert figure.sample == 21_999
 
 
 def test_a_short_block_has_the_average_of_its_window():
     figure = figures([1.0], load_capacitance_f=C)['average current']
-    assert figure.value == pytest.approx(C * 10.0 * 1.0 / 0.1)
+    assert figure.value == pytest.approx(C * 10.0 * 1.0 / 0.02)
 
 
 def test_the_step_from_what_is_held_counts():
