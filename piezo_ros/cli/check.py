@@ -123,10 +123,12 @@ def _check_plan(path: Path) -> int:
             f'piezo: {path} is neither {", ".join(ROLES)} nor a plan file', file=sys.stderr)
         return 2
     from piezo_ros.experiment.plan import read_plan
-    from piezo_ros.experiment.plan.rig_limits import check_plan
-    demands = check_plan(read_plan(path))
+    from piezo_ros.experiment.plan.device_limits import DeviceDemand, check_device_plan
+    from piezo_ros.experiment.plan.rig_limits import Demand, check_plan
+    plan = read_plan(path)
+    demands: list[Demand | DeviceDemand] = [*check_plan(plan), *check_device_plan(plan)]
     for demand in demands:
         print(demand.text)
-    beyond = sum(demand.beyond for demand in demands)
-    print(f'{len(demands)} runs, {beyond} beyond what the rig can do')
+    beyond = {demand.name for demand in demands if demand.beyond}
+    print(f'{len(plan.runs)} runs, {len(beyond)} beyond what the rig can do')
     return 1 if beyond else 0

@@ -58,6 +58,6 @@ class FeedbackRefusal:
         except (ValueError, RecursionError):
             return
         if isinstance(status, dict) and status.get('role') == 'controller':
-            scheme = status.get('scheme')
+            scheme = str(status.get('scheme'))
             needs = scheme in SCHEMES and ControllerParameters(scheme=scheme).uses_feedback
             self._scheme = scheme if needs else ''
