@@ -38,6 +38,9 @@ def device_parameters(kind: str) -> type[ParameterSet]:
     if kind == 'simulated':
         from piezo_ros.hardware.simulated import SimulatedDeviceParameters
         return SimulatedDeviceParameters
+    if kind == 'ni':
+        from piezo_ros.hardware.ni import NiParameters
+        return NiParameters
     raise ParameterError(f'device is {kind!r}, allowed are {", ".join(DEVICE_KINDS)}')
 
 
@@ -68,6 +71,8 @@ def open_device(kind: str, parameters: Mapping[str, Any]) -> Device:
 
     """
     values = device_parameters(kind).from_mapping(parameters)
-    from piezo_ros.hardware.simulated import SimulatedDevice, SimulatedDeviceParameters
-    assert isinstance(values, SimulatedDeviceParameters)
-    return SimulatedDevice(values)
+    if kind == 'simulated':
+        from piezo_ros.hardware.simulated import SimulatedDevice
+        return SimulatedDevice(values)  # type: ignore[arg-type]
+    from piezo_ros.hardware.ni import NiDevice
+    return NiDevice(values)  # type: ignore[arg-type]

@@ -142,10 +142,7 @@ class SimulatedDevice:
         rig = self.rig
         (to_v,) = self._allowed('voltage_v', np.array([voltage_v]))
         self._stream = None
-        # No readings are taken, as the plant of the graph takes none on its way to rest.
-        ramp_v = ramp_voltage(self._held_v, to_v, slew_v_per_s, rig.sample_period_s)
-        rig.drive(ramp_v)
-        self._held_v = ramp_v[-1]
+        self._drive(ramp_voltage(self._held_v, to_v, slew_v_per_s, rig.sample_period_s))
 
     def play(self, voltage_v: ArrayLike) -> NDArray[np.float64]:
         """Play one block."""
