@@ -136,7 +136,8 @@ class NiDevice:
         """Set the sample period; the card is asked for the rate that it makes of it."""
         c = self.constraints
         if not (math.isfinite(sample_period_s) and sample_period_s > 0.0):
-            raise Refused(f'{self._name}: sample_period_s is {sample_period_s}, it must be positive')
+            raise Refused(
+                f'{self._name}: sample_period_s is {sample_period_s}, it must be positive')
         if not c.lowest_rate_hz <= 1.0 / sample_period_s <= c.highest_rate_hz:
             raise RateRefused(
                 f'{self._name}: sample_period_s is {sample_period_s} s, allowed is '
@@ -149,7 +150,7 @@ class NiDevice:
                 self._connection, self._channels, sample_period_s, self.parameters.timeout_s,
                 samples=2).close()
         except BaseException:
-            self._connection.release()
+            self._connection.close()
             self._is_open = False
             raise
         self._sample_period_s = sample_period_s
@@ -191,7 +192,8 @@ class NiDevice:
         block_v = self._allowed('voltage_v', voltage_v)
         most = self.constraints.most_samples
         if most is not None and block_v.size > most:
-            raise Refused(f'{self._name}: a block of {block_v.size} voltages; allowed are 1 … {most}')
+            raise Refused(
+                f'{self._name}: a block of {block_v.size} voltages; allowed are 1 … {most}')
         return self._play(block_v)
 
     def start(self, prefill_v: ArrayLike) -> None:
@@ -267,7 +269,7 @@ class NiDevice:
             self._end_stream()
             self._on_demand.end()
         finally:
-            self._connection.release()
+            self._connection.close()
 
     def _play(self, block_v: NDArray[np.float64]) -> NDArray[np.float64]:
         self._on_demand.end()

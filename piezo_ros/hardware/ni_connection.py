@@ -59,7 +59,8 @@ class NiConnection:
         self.card = card
         self.name = f'{card} at {address}' if address else card
         self._nidaqmx = require_nidaqmx()
-        self._channel = _grpc_channel(address, deadline_s) if address else None
+        self._deadline_s = deadline_s
+        self._channel: Any = None
         self._lock: int | None = None
         with translated(self.name):
             version = self.system.driver_version
@@ -97,17 +98,14 @@ class NiConnection:
         for role in ROLES:
             self._clear_left_over(role)
 
-    def release(self) -> None:
-        """Let other processes have the card."""
+    def close(self) -> None:
+        """Let others have the card, and close the way to the server; `acquire` opens it again."""
         if self._lock is not None:
             os.close(self._lock)
             self._lock = None
-
-    def close(self) -> None:
-        """Close the way to the server."""
-        self.release()
         if self._channel is not None:
             self._channel.close()
+            self._channel = None
 
     def task(self, role: str) -> Any:
         """Return a new `nidaqmx.Task`, one for each role at a time."""
@@ -140,6 +138,8 @@ class NiConnection:
 
     def _options(self, name: str, behavior: Any = None) -> Any:
         from nidaqmx import GrpcSessionOptions
+        if self._channel is None:
+            self._channel = _grpc_channel(self.address, self._deadline_s)
         more = {} if behavior is None else {'initialization_behavior': behavior}
         return GrpcSessionOptions(self._channel, name, **more)
 

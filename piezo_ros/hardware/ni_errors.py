@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the codes of NI-DAQmx mean for a device: decided by code, as every way to the card has them."""
+"""Errors of NI-DAQmx as errors of a device, by their codes: these are the same on every way."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -16,8 +16,8 @@
 A virtual NI-DAQmx card with the simulated rig behind it, without any transport.
 
 Time is evaluated when the card is called, without threads. By default it goes on as far as a call
-needs (deterministic); with `wall_clock_factor` it follows the wall clock. README.md beside this file
-lists what is assumed of a real card.
+needs (deterministic); with `wall_clock_factor` it follows the wall clock. What is assumed of a real
+card is listed in README.md beside this file.
 """
 
 import dataclasses
@@ -82,10 +82,29 @@ class RigStage:
     def hold_v(self, held_v):
         """Hold each voltage for a period and return the sensor at its end, shape (N,)."""
         rig = self._rig
+        if rig is None:  # no clock has run yet: it settles at the first
+            return np.full(held_v.size, self.sensor_offset_v)
         return self._sensor_v(rig.answer(rig.index, held_v - self.parameters.operating_point_v))
 
     def _sensor_v(self, displacement_um):
         return displacement_um / self.parameters.sensor_scale_um_per_v + self.sensor_offset_v
+
+
+class WireStage:
+    """A wire from the output to the sensor input."""
+
+    def __init__(self, held_v=0.0):
+        self._held_v = held_v
+
+    def at_rate(self, rate_hz, held_v):
+        self._held_v = held_v
+
+    def measure_v(self):
+        return self._held_v
+
+    def hold_v(self, held_v):
+        self._held_v = held_v[-1]
+        return np.array(held_v)
 
 
 @dataclasses.dataclass
@@ -255,7 +274,7 @@ class VirtualCard:
         for value_v in values_v:
             self._go_to(task.channels[0], np.array([value_v]))
             # Software takes its time: a period of the newest clock.
-            if task.channels[0] == 'ao0' and self.stage._rig is not None:
+            if task.channels[0] == 'ao0':
                 self.stage.hold_v(np.array([self.held_v['ao0']]))
 
     def generated(self, name):
