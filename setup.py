@@ -136,6 +136,10 @@ setup(
         'dask': ['distributed>=2024.1', 'pyarrow>=14'],
         # Images of scans as Gwyddion files.
         'images': ['gwyfile>=0.2'],
+        # A stage behind a card of National Instruments, or a controller on a serial port. nidaqmx
+        # needs a newer NumPy than the oldest above: the tests of the oldest go without it.
+        'ni': ['grpcio>=1.49', 'nidaqmx[grpc]>=1.0.2'],
+        'gcs': ['pyserial>=3.5'],
         'test': [
             'catkin_pkg',
             'colcon-common-extensions',
@@ -146,6 +150,7 @@ setup(
             'mcap-ros2-support>=0.5',
             'mypy>=1.13',
             'pyarrow>=14',
+            'pyserial>=3.5',
             # pytest 9 breaks launch_testing's plug-in where a sourced ROS brings it in.
             'pytest>=7.4,<9',
             # By this spelling: where colcon test reads pytest-cov it measures on its own account.

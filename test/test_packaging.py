@@ -52,7 +52,11 @@ THIRD_PARTY = {
     'zstandard': ('zstandard', 'mcap-ros2-support'),
 }
 # Name in an import statement -> extra that brings it; what does without says so.
-OPTIONAL = {'distributed': 'dask', 'gwyfile': 'images', 'pyarrow': 'dask'}
+OPTIONAL = {
+    'distributed': 'dask', 'grpc': 'ni', 'gwyfile': 'images', 'nidaqmx': 'ni', 'pyarrow': 'dask',
+    'serial': 'gcs'}
+# Names on PyPI where they are others.
+DISTRIBUTIONS = {'grpc': 'grpcio', 'serial': 'pyserial'}
 # Without a key in rosdep; what does without says so.
 FROM_PIP_ALONE = {'clarabel'}
 
@@ -143,7 +147,8 @@ def test_pip_installs_what_the_code_imports_beside_ros(metadata, manifest):
 @pytest.mark.parametrize(('name', 'extra'), OPTIONAL.items())
 def test_an_extra_brings_what_is_imported_only_where_it_is_needed(metadata, name, extra):
     assert name in imported_names('piezo_ros')
-    assert name in requirement_names(metadata['extras_require'][extra])
+    distribution = DISTRIBUTIONS.get(name, name)
+    assert distribution in requirement_names(metadata['extras_require'][extra])
     for path in (REPOSITORY / 'piezo_ros').rglob('*.py'):
         for statement in ast.parse(path.read_text(encoding='utf-8')).body:
             if isinstance(statement, ast.Import | ast.ImportFrom):

@@ -41,6 +41,9 @@ def device_parameters(kind: str) -> type[ParameterSet]:
     if kind == 'ni':
         from piezo_ros.hardware.ni import NiParameters
         return NiParameters
+    if kind == 'gcs':
+        from piezo_ros.hardware.gcs import GcsParameters
+        return GcsParameters
     raise ParameterError(f'device is {kind!r}, allowed are {", ".join(DEVICE_KINDS)}')
 
 
@@ -74,5 +77,8 @@ def open_device(kind: str, parameters: Mapping[str, Any]) -> Device:
     if kind == 'simulated':
         from piezo_ros.hardware.simulated import SimulatedDevice
         return SimulatedDevice(values)  # type: ignore[arg-type]
-    from piezo_ros.hardware.ni import NiDevice
-    return NiDevice(values)  # type: ignore[arg-type]
+    if kind == 'ni':
+        from piezo_ros.hardware.ni import NiDevice
+        return NiDevice(values)  # type: ignore[arg-type]
+    from piezo_ros.hardware.gcs import GcsDevice
+    return GcsDevice(values)  # type: ignore[arg-type]
