@@ -21,7 +21,25 @@ from typing import Any
 from piezo_ros.hardware.device import Device, Refused
 from piezo_ros.hardware.opening import DEVICE_KINDS, device_parameters, open_device
 
-__all__ = ['choose_device']
+__all__ = ['choose_device', 'own_values']
+
+
+def own_values(device: str, values: Mapping[str, Any]) -> dict[str, Any]:
+    """
+    Return the values that a device of the package takes, by the names that it has for them.
+
+    Parameters
+    ----------
+    device : str
+        One of `DEVICE_KINDS`.
+    values : mapping of str to value
+        Parameters of the hardware plant; an empty address is the device's own default.
+
+    """
+    names = device_parameters(device).names()
+    return {
+        name: value for name, value in values.items()
+        if name in names and (name, value) != ('address', '')}
 
 
 def choose_device(device: str, values: Mapping[str, Any]) -> Device:
@@ -44,9 +62,7 @@ def choose_device(device: str, values: Mapping[str, Any]) -> Device:
 
     """
     if device in DEVICE_KINDS:
-        names = device_parameters(device).names()
-        return open_device(
-            device, {name: value for name, value in values.items() if name in names})
+        return open_device(device, own_values(device, values))
     module_name, _, class_name = device.partition(':')
     try:
         make = getattr(import_module(module_name), class_name)

@@ -14,13 +14,18 @@
 
 """The parameters of the hardware plant: which device, its wiring, its stage and its limits."""
 
+import dataclasses
 import math
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 from piezo_ros.hardware.calibration import Calibration
+from piezo_ros.hardware.chosen_device import own_values
+from piezo_ros.hardware.gcs import GcsParameters
 from piezo_ros.hardware.limits import DriveLimits
-from piezo_ros.model import ParameterError
+from piezo_ros.hardware.ni import NiParameters
+from piezo_ros.hardware.opening import DEVICE_KINDS, device_parameters
+from piezo_ros.model import ParameterError, ParameterSet
 from piezo_ros.model.parameters import parameter
 
 __all__ = [
@@ -34,12 +39,18 @@ __all__ = [
 
 SIMULATED: Final = 'simulated'
 # The devices that the package brings; any other one is named as MODULE:CLASS.
-DEVICES: Final = (SIMULATED, 'ni', 'gcs')
+DEVICES: Final = DEVICE_KINDS
 HARDWARE_TIMED, ON_DEMAND = 'hardware', 'on_demand'
 _SHORTEST_ON_DEMAND_S: Final = 1e-3
 # Over all the rails: a process that is told to end has some 10 s.
 _LONGEST_RAMP_S: Final = 4.0
 _BLOCK_S: Final = 0.05  # of readings that are fetched at once, and so the longest wait for a stop
+
+
+def _of(parameter_set: type[ParameterSet], name: str) -> Any:
+    """Return a field that is declared as that of a device."""
+    field = parameter_set.__dataclass_fields__[name]
+    return dataclasses.field(default=field.default, metadata=field.metadata)
 
 
 def is_known_device(device: str) -> bool:
@@ -57,10 +68,19 @@ class HardwareParameters(Calibration, DriveLimits):
         SIMULATED, '', f'{", ".join(DEVICES)}, or MODULE:CLASS for one of your own')
     address: str = parameter(
         '', '', 'where the device is: for ni the gRPC device server HOST:PORT, empty for the local '
-        'driver; for gcs HOST:PORT or a serial port')
-    output_channel: str = parameter(
-        'Dev1/ao0', '', 'D/A channel at the input of the amplifier; for gcs the axis')
-    input_channel: str = parameter('Dev1/ai0', '', 'A/D channel of the sensor')
+        'driver; for gcs HOST:PORT or a serial port; for one of your own what it makes of it')
+    output_channel: str = _of(NiParameters, 'output_channel')
+    input_channel: str = _of(NiParameters, 'input_channel')
+    held_channel: str = _of(NiParameters, 'held_channel')
+    terminals: str = _of(NiParameters, 'terminals')
+    input_range_v: float = _of(NiParameters, 'input_range_v')
+    timeout_s: float = _of(NiParameters, 'timeout_s')
+    axis: str = _of(GcsParameters, 'axis')
+    output_signal: int = _of(GcsParameters, 'output_signal')
+    generator: int = _of(GcsParameters, 'generator')
+    wave_table: int = _of(GcsParameters, 'wave_table')
+    baud_rate: int = _of(GcsParameters, 'baud_rate')
+    target_scale_um_per_v: float = _of(GcsParameters, 'target_scale_um_per_v')
     simulated_rig_file: str = parameter(
         '', '', 'for the device simulated: parameter file of the plant node that it stands for')
     timing: str = parameter(
@@ -70,9 +90,9 @@ class HardwareParameters(Calibration, DriveLimits):
     prefill_samples: int = parameter(
         0, 'samples', 'voltages that wait on the device before it starts; 0: the whole run, which '
         'then cannot run dry', minimum=0, maximum=10**9)
-    most_prefilled_samples: int = parameter(
-        10**7, 'samples', 'a run that is longer is streamed, with so many voltages ahead at the '
-        'start (8 bytes each)', minimum=1, maximum=10**9)
+    buffer_samples: int = parameter(
+        4_000_000, 'samples', 'voltages, and readings, that wait in memory (8 bytes each); a '
+        'longer run is streamed', minimum=1000, maximum=10**8)
     read_samples: int = parameter(
         0, 'samples', 'readings that are fetched at once; 0: what comes in 50 ms',
         minimum=0, maximum=10**7)
@@ -83,6 +103,10 @@ class HardwareParameters(Calibration, DriveLimits):
         """Refuse an unknown device beside what calibration and limits refuse."""
         Calibration.check_together(self)
         DriveLimits.check_together(self)
+        chosen = device_parameters(self.device) if self.device in DEVICE_KINDS else None
+        if chosen:
+            # As the device itself will refuse it, but before anything is started.
+            chosen.from_mapping(own_values(self.device, self.to_mapping()))
         if not is_known_device(self.device):
             raise ParameterError(
                 f'device is {self.device!r}, allowed are {", ".join(DEVICES)} and MODULE:CLASS')
@@ -139,6 +163,6 @@ class HardwareParameters(Calibration, DriveLimits):
         """Return how far a run of some length must be sent ahead of its readings."""
         if self.is_on_demand:
             return 1
-        prefill = self.prefill_samples or min(run_samples, self.most_prefilled_samples)
+        prefill = self.prefill_samples or min(run_samples, self.buffer_samples)
         # The demand is renewed when half of it is used up, and then the next samples are made.
         return 2 * min(prefill, run_samples) + 4 * self.samples_at_once(sample_period_s) + 1

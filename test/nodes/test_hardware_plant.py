@@ -80,7 +80,6 @@ class Ring:
     ({}, 2000, 'whole run prefilled'),
     ({'prefill_samples': 50, 'read_samples': 20}, 200, 'streamed'),
     ({'prefill_samples': 1, 'read_samples': 1}, 5, 'streamed'),
-    ({'most_prefilled_samples': 300, 'read_samples': 100}, 800, 'streamed'),
 ])
 def test_it_gives_the_bits_of_the_simulated_plant(plant, lookahead_samples, mode):
     ring = Ring(lookahead_samples=lookahead_samples, **plant)

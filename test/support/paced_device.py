@@ -21,6 +21,7 @@ float64, and ``output_channel`` may be ``held VOLTAGE`` for what it holds at fir
 """
 
 import time
+from typing import ClassVar
 
 import numpy as np
 
@@ -32,7 +33,7 @@ __all__ = ['PacedDevice']
 
 
 class PacedDevice:
-    devices = []  # every one that was made, the newest last
+    devices: ClassVar[list] = []  # every one that was made, the newest last
 
     def __init__(self, values):
         names = SimulatedDeviceParameters.names()

@@ -155,7 +155,7 @@ def _demand(run: PlannedRun, hardware: HardwareParameters, known: Known) -> Devi
     if not limits.gain_um_per_v and not rig_is_known(run, known):
         unknown.append(
             'travel: not checked, neither gain_um_per_v nor known_rig_files tell of the stage')
-    wanted = hardware.prefill_samples or hardware.most_prefilled_samples
+    wanted = hardware.prefill_samples or hardware.buffer_samples
     return DeviceDemand(
         name=run.name, device=f'{hardware.device}, timing {hardware.timing}',
         rate_hz=1.0 / period_s, samples=played_v.size, prefilled=min(wanted, played_v.size),

@@ -72,12 +72,12 @@ class ClockedRun:
         self._output = output
         self._opening_um = opening_um
         constraints = output.opened.constraints
-        room = constraints.buffer_samples or hardware.most_prefilled_samples
+        room = constraints.buffer_samples or hardware.buffer_samples
         self._most_of_block = constraints.most_samples
         self._stream = DeviceStream(
             output.opened, room, hardware.samples_at_once(sample_period_s)
         ) if constraints.streams else None
-        self._goal = min(hardware.prefill_samples or hardware.most_prefilled_samples, room)
+        self._goal = min(hardware.prefill_samples or room, room)
         self._waiting = SampleQueue()  # voltages that are not on the device yet
         self._accepted = 0
         self._last_v = 0.0  # of them
