@@ -96,6 +96,8 @@ class GraphPerRun:
         supervisor = self._supervisor
         if supervisor.stop_signal:
             raise CampaignError(stopped_by(supervisor.stop_signal))
+        if self._composed and planned.hardware:
+            raise CampaignError(f'{planned.name}: a device has a process of its own, not composed')
         logs = self._directory / 'logs' / planned.name
         logs.mkdir(parents=True)
         supervisor.begin_graph()
