@@ -48,6 +48,7 @@ examples:
 _READINGS: Final = 1000
 _FEWEST_SAMPLES: Final = 64
 _SETTLE_S: Final = 0.5
+_MOST_SETTLING: Final = 10**6  # samples
 _SIGMAS: Final = 20.0  # by which the two points of a calibration must differ at least
 
 
@@ -190,9 +191,10 @@ def _at_point(
         raise PlanError(f'--at-v is {input_v} V, allowed is {low_v:g} … {high_v:g} V')
     device.ramp_to(input_v - hardware.operating_point_v, options.slew_v_per_s)
     held_v = device.hold()
-    settle = max(1, min(round(_SETTLE_S / options.sample_period_s), 10**6))
-    device.play(np.full(min(settle, device.constraints.most_samples or settle), held_v))
-    readings_um = np.array([device.reading() for _ in range(_READINGS)])
+    samples = _READINGS + min(round(_SETTLE_S / options.sample_period_s), _MOST_SETTLING)
+    samples = min(samples, device.constraints.most_samples or samples)
+    # The stage settles in the first of them.
+    readings_um = device.play(np.full(samples, held_v))[-min(_READINGS, samples):]
     volts = sensor_v(calibration, readings_um)
     um = options.um[which] if options.um else _asked(f'displacement at {input_v:g} V [um]: ')
     print(f'{input_v:g} V: sensor {volts.mean():.6f} V, {um:g} um', file=sys.stderr)

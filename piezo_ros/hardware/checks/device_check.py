@@ -30,7 +30,9 @@ from piezo_ros.hardware.device import Device, DeviceError, Underflow
 
 __all__ = ['DeviceFinding', 'check_device']
 
-_REST: Final = 40  # readings, and as many before them for the noise
+_REST: Final = 40  # samples before an impulse in which a wrong device may answer it already
+_AROUND: Final = 400  # samples before an impulse, and behind it, that are compared
+_MOST_SHIFT: Final = 30
 _BLOCKS: Final = (1, 2, 3, 64, 999, 1000, 1001)
 _HELD_TOLERANCE: Final = 0.01  # of the amplitude, for a resolution and its noise
 _OF_PEAK: Final = 0.05  # what counts as an answer
@@ -147,7 +149,7 @@ def _named(error: Exception) -> str:
 def _alignment(device: Device, amplitude_v: float) -> Iterator[DeviceFinding]:
     """Check that an impulse is answered equally late whatever the block around it."""
     most = device.constraints.most_samples or max(_BLOCKS)
-    delays: dict[int, int | None] = {}
+    answers: dict[str, NDArray[np.float64]] = {}
     for size in _BLOCKS:
         if size > most:
             continue
@@ -159,36 +161,64 @@ def _alignment(device: Device, amplitude_v: float) -> Iterator[DeviceFinding]:
             readings_um.shape == (size + 1,) and bool(np.isfinite(readings_um).all()),
             f'shape {readings_um.shape}')
         device.play(np.zeros(min(_REST, most)))
-        if size > 4 * _REST:
-            delays[size] = _delay(readings_um, size // 2)
-    yield _equal_delays('an impulse is answered equally late in every block', delays)
+        if size > 2 * _AROUND and readings_um.size == size + 1:
+            answers[f'a block of {size}'] = _around(readings_um, size // 2)
+    yield _equally_late('an impulse is answered equally late in every block', answers)
 
 
-def _delay(readings_um: NDArray[np.float64], at: int) -> int | None:
-    """Return after how many samples an impulse is answered, None if the noise hides that."""
-    # Not up to the impulse, which a wrong device may answer before.
-    rest_um = readings_um[max(0, at - 2 * _REST):max(1, at - _REST)]
-    noise_um = float(rest_um.std())
-    answer_um = np.abs(readings_um - rest_um.mean())
-    threshold_um = max(_SIGMAS * noise_um, _OF_PEAK * float(answer_um[at:].max()))
-    above = np.flatnonzero(answer_um > threshold_um)
-    return int(above[0]) - at if above.size else None
+def _around(readings_um: NDArray[np.float64], at: int) -> NDArray[np.float64]:
+    """Return the readings around an impulse, which is at `_AROUND`."""
+    return readings_um[at - _AROUND:at + _AROUND]
 
 
-def _equal_delays(what: str, delays: dict[int, int | None]) -> DeviceFinding:
-    known = {size: delay for size, delay in delays.items() if delay is not None}
-    detail = ', '.join(f'{delay} samples of {size}' for size, delay in known.items())
-    if not known:
-        return DeviceFinding(what, None, 'no answer above the noise; take a larger amplitude')
-    values = known.values()
-    return DeviceFinding(what, min(values) >= 1 and max(values) == min(values), detail)
+def _equally_late(what: str, answers: dict[str, NDArray[np.float64]]) -> DeviceFinding:
+    """Compare the answers to one impulse, which a slow or noisy stage spreads over samples."""
+    if len(answers) < 2:
+        return DeviceFinding(what, None, 'its blocks are too short for that')
+    centred = {
+        name: answer - answer[:_AROUND - _REST].mean() for name, answer in answers.items()}
+    noise_um = max(float(answer[:_AROUND - _REST].std()) for answer in centred.values())
+    reference_name, reference_um = next(iter(centred.items()))
+    # What is left of an answer where it is taken for that of one sample before.
+    change_um = _rms(np.diff(reference_um[_AROUND:]))
+    if not change_um > _SIGMAS / 2.0 * noise_um:
+        return DeviceFinding(
+            what, None, f'a sample more or less changes the answer by {change_um:.2g} um rms, '
+            f'which the noise of {noise_um:.2g} um hides; take a larger amplitude')
+    late = [
+        f'{name} comes {shift} samples after {reference_name}' for name, answer_um in
+        centred.items() if (shift := _shift(reference_um, answer_um, noise_um))]
+    mean_um = np.mean(list(centred.values()), axis=0)
+    threshold_um = max(_SIGMAS / 2.0 * noise_um, _OF_PEAK * float(np.abs(mean_um).max()))
+    first = int(np.flatnonzero(np.abs(mean_um) > threshold_um)[0]) - _AROUND
+    detail = '; '.join(late) or f'it shows after {first} samples'
+    return DeviceFinding(what, not late and first >= 1, detail)
+
+
+def _rms(values: NDArray[np.float64]) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def _shift(
+    reference: NDArray[np.float64], other: NDArray[np.float64], noise_um: float,
+) -> int:
+    """Return how many samples one answer is behind another, 0 where noise explains the rest."""
+    inner = slice(_MOST_SHIFT, -_MOST_SHIFT)
+    if _rms((other - reference)[inner]) <= _SIGMAS / 2.0 * noise_um:
+        return 0
+    left = {
+        shift: _rms((np.roll(other, -shift) - reference)[inner])
+        for shift in range(-_MOST_SHIFT, _MOST_SHIFT + 1)}
+    best = min(left, key=left.__getitem__)
+    # Two answers of a stage with hysteresis differ a little wherever they are put.
+    return best if left[best] < left[0] / 2.0 else 0
 
 
 def _streams(device: Device, amplitude_v: float) -> Iterator[DeviceFinding]:
     size, first = 1000, 300
     voltage_v = np.zeros(size)
     voltage_v[size // 2] = amplitude_v
-    block = _delay(np.asarray(device.play(voltage_v)), size // 2)
+    block_um = np.asarray(device.play(voltage_v))
     device.play(np.zeros(_REST))
     device.start(voltage_v[:first])
     device.write(voltage_v[first:])
@@ -198,8 +228,10 @@ def _streams(device: Device, amplitude_v: float) -> Iterator[DeviceFinding]:
     yield DeviceFinding(
         f'a stream of {size} voltages has {size + 1} readings',
         [part.size for part in parts] == [1, 7, 492, 500, 1], f'{readings_um.size}')
-    yield _equal_delays('an impulse is answered as late in a stream as in a block', {
-        size: block, size + 1: _delay(readings_um, size // 2)})
+    if block_um.size == readings_um.size == size + 1:
+        yield _equally_late('an impulse is answered as late in a stream as in a block', {
+            'the block': _around(block_um, size // 2),
+            'the stream': _around(readings_um, size // 2)})
     device.start(np.full(size, amplitude_v))
     device.ramp_to(0.0, _SLEW * amplitude_v)
     yield _holds(device, 0.0, amplitude_v, 'a ramp that stops a stream')
