@@ -150,6 +150,8 @@ class GcsClient:
         while True:
             try:
                 line = self._line.line()
+            except TimeoutError:
+                line = b''
             except OSError as error:
                 raise self._gone(error) from None
             if not line.endswith(b'\n'):
@@ -162,6 +164,7 @@ class GcsClient:
                 return lines
 
     def _gone(self, error: Exception) -> Gone:
+        self.close()
         return Gone(f'{self.name}: the connection is lost ({error}); is it still on?')
 
 

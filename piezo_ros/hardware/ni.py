@@ -130,6 +130,7 @@ class NiDevice:
         self._finished_at: int | None = None  # voltages of a stream that has its last one
         self._fetched = 0  # readings of the stream
         self._last_v = math.nan  # newest voltage of the stream
+        self._held_before_v = math.nan  # what the output held before the stream
         self._played_v: float | None = None  # what the output holds if nothing else moved it
 
     def open(self, sample_period_s: float) -> float:
@@ -158,7 +159,12 @@ class NiDevice:
         return sample_period_s
 
     def hold(self) -> float:
-        """Return what the card reads back of its output."""
+        """Return what the card reads back of its output, or in a stream has put out last."""
+        if self._stream is not None:
+            newest_v = self._stream.newest_output_v()
+            if newest_v is not None:
+                return deviation_v(self.parameters, newest_v)
+            return self._held_before_v
         self._require_idle('hold')
         held_v = deviation_v(self.parameters, self._on_demand.held_v())
         played_v = self._played_v
@@ -199,13 +205,14 @@ class NiDevice:
     def start(self, prefill_v: ArrayLike) -> None:
         """Start a stream."""
         self._require_idle('start')
-        self._on_demand.end()
         block_v = self._allowed('prefill_v', prefill_v)
         room = self.parameters.buffer_samples
         if block_v.size > room:
             raise Refused(
                 f'{self._name}: prefill of {block_v.size} voltages; buffer_samples allows '
                 f'1 … {room}')
+        self._held_before_v = self.hold()
+        self._on_demand.end()
         self._played_v = None
         tasks = ClockedTasks(
             self._connection, self._channels, self._sample_period_s, self.parameters.timeout_s,
@@ -288,8 +295,17 @@ class NiDevice:
         return displacement_um(self.parameters, readings_v)
 
     def _end_stream(self) -> None:
-        stream, self._stream = self._stream, None
-        if stream is not None:
+        stream = self._stream
+        if stream is None:
+            return
+        self._played_v = None
+        try:
+            stream.stop()
+            self._played_v = self.hold()
+        except DeviceError:
+            pass  # then it is read back
+        finally:
+            self._stream = None
             stream.close()
 
     def _allowed(self, name: str, voltage_v: ArrayLike) -> NDArray[np.float64]:

@@ -20,6 +20,7 @@ tick 0 is y[0], that of tick k+1 answers u[k], and N voltages need N+1 ticks. Wi
 the input the output does not move.
 """
 
+from collections import deque
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -101,6 +102,8 @@ class ClockedTasks:
         self.written = 0
         self._fetched = 0
         self._ready_v = np.empty(0)
+        # Index of the first and voltages, of what was written and may still be at the output.
+        self._sent: deque[tuple[int, NDArray[np.float64]]] = deque()
         self._fault: Underflow | None = None
         self._timeout_s = timeout_s
         self._rate_hz = 1.0 / sample_period_s
@@ -169,7 +172,17 @@ class ClockedTasks:
         """Return how many voltages have gone out."""
         with translated(self.name):
             count = int(self._output.out_stream.total_samp_per_chan_generated)
+        while self._sent and self._sent[0][0] + self._sent[0][1].size < count:
+            self._sent.popleft()
         return min(count, self.written)
+
+    def newest_output_v(self) -> float | None:
+        """Return the voltage that has gone out last, None before the first."""
+        count = self.generated()
+        if not count:
+            return None
+        first, block_v = self._sent[0]
+        return float(block_v[count - 1 - first])
 
     def wait(self) -> None:
         """Wait until a finite output is done, and check that each of its samples went out."""
@@ -180,6 +193,11 @@ class ClockedTasks:
         if count != self.written:
             raise Underflow(
                 f'{self.name}: {count} of {self.written} voltages went out', count)
+
+    def stop(self) -> None:
+        """Stop the clock, and with it the output, which holds."""
+        with translated(self.name):
+            self._input.stop()
 
     def close(self) -> None:
         """Stop and release; the output holds. The input goes first, and with it the clock."""
@@ -220,6 +238,7 @@ class ClockedTasks:
             except nidaqmx.errors.Error:
                 with translated(self.name):
                     raise
+            self._sent.append((self.written, piece_v[:taken]))
             self.written += taken
             piece_v = piece_v[taken:]
 

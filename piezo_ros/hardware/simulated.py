@@ -124,9 +124,10 @@ class SimulatedDevice:
         return sample_period_s
 
     def hold(self) -> float:
-        """Return the voltage that the output holds."""
+        """Return the voltage that the output holds; in a stream, the one that has gone out last."""
         _ = self.rig
-        return float(self._held_v)
+        waiting_v = self._stream.waiting_v if self._stream else np.empty(0)
+        return float(waiting_v[0] if waiting_v.size else self._held_v)
 
     def reading(self) -> float:
         """Return the reading at this instant; time stands still."""
@@ -141,8 +142,9 @@ class SimulatedDevice:
         """Ramp the output; a stream is stopped where it is."""
         rig = self.rig
         (to_v,) = self._allowed('voltage_v', np.array([voltage_v]))
+        from_v = self.hold()
         self._stream = None
-        self._drive(ramp_voltage(self._held_v, to_v, slew_v_per_s, rig.sample_period_s))
+        self._drive(ramp_voltage(from_v, to_v, slew_v_per_s, rig.sample_period_s))
 
     def play(self, voltage_v: ArrayLike) -> NDArray[np.float64]:
         """Play one block."""
@@ -195,7 +197,8 @@ class SimulatedDevice:
     def generated(self) -> int:
         """Return how many voltages have gone out."""
         stream = self._running()
-        return stream.written - stream.waiting_v.size
+        # At the instant of the newest reading the next one goes out.
+        return min(stream.written, stream.written - stream.waiting_v.size + 1)
 
     def finish(self) -> None:
         """Say that the last voltage of the stream has been written."""
@@ -203,6 +206,8 @@ class SimulatedDevice:
 
     def close(self) -> None:
         """Release the device; the rig stays where it is."""
+        if self._stream is not None:
+            self._held_v = self.hold()
         self._stream = None
         self._is_open = False
 

@@ -117,7 +117,7 @@ def test_a_full_buffer_lets_time_go_on_and_readings_that_do_not_fit_are_an_overf
     device = make(buffer_samples=8)
     device.start(np.zeros(8))
     device.write(np.zeros(5))
-    assert device.generated() == 5
+    assert device.generated() == 6
     with pytest.raises(Overflow, match='9 readings wait, its buffer keeps 8'):
         device.write(np.zeros(3))
     with pytest.raises(Refused, match='9 voltages at once; its buffer takes 1 … 8'):
@@ -136,7 +136,8 @@ def test_a_ramp_ends_a_stream(make):
     device = make()
     device.start(sine(40))
     device.read(31)
-    assert device.hold() == sine(40)[29]
+    assert device.hold() == sine(40)[30]
+    assert device.generated() == 31
     device.ramp_to(0.0, 100.0)
     assert device.hold() == 0.0
     with pytest.raises(Refused, match='no stream'):

@@ -187,17 +187,21 @@ def put_text(text, address, size):
 @contextlib.contextmanager
 def installed(library, card):
     """Let nidaqmx take a built library for the driver, with a card behind it."""
-    from nidaqmx import _lib
+    from nidaqmx import _lib, _library_interpreter
     functions = Functions(card)
     loaded = ctypes.CDLL(str(library))
-    kept = []
+    kept, before = [], {}
     for name, signature in SIGNATURES.items():
         def forward(*arguments, name=name):
             return functions.call(name, *arguments)
         kept.append(ctypes.CFUNCTYPE(INT, *signature)(forward))
-        P.in_dll(loaded, f'forward_{name}').value = ctypes.cast(kept[-1], P).value
+        pointer = P.in_dll(loaded, f'forward_{name}')
+        before[name] = pointer.value
+        pointer.value = ctypes.cast(kept[-1], P).value
+    importer = _lib.DaqLibImporter()
     with mock.patch.object(_lib, 'find_library', return_value=str(library)), \
-            mock.patch.object(_lib, 'lib_importer', _lib.DaqLibImporter()) as importer:
-        from nidaqmx import _library_interpreter
-        with mock.patch.object(_library_interpreter, 'lib_importer', importer):
-            yield functions
+            mock.patch.object(_lib, 'lib_importer', importer), \
+            mock.patch.object(_library_interpreter, 'lib_importer', importer):
+        yield functions
+    for name, address in before.items():
+        P.in_dll(loaded, f'forward_{name}').value = address

@@ -76,14 +76,11 @@ class RigStage:
                 self._rig.drive(np.full(math.ceil(0.05 * rate_hz), deviation_v))
 
     def measure_v(self):
-        return self._sensor_v(np.array([self._rig.measure()]))[0] if self._rig else (
-            self.sensor_offset_v)
+        return self._sensor_v(np.array([self._rig.measure()]))[0]
 
     def hold_v(self, held_v):
         """Hold each voltage for a period and return the sensor at its end, shape (N,)."""
         rig = self._rig
-        if rig is None:  # no clock has run yet: it settles at the first
-            return np.full(held_v.size, self.sensor_offset_v)
         return self._sensor_v(rig.answer(rig.index, held_v - self.parameters.operating_point_v))
 
     def _sensor_v(self, displacement_um):
@@ -159,6 +156,7 @@ class VirtualCard:
         self.wall_clock_factor = wall_clock_factor
         self.held_v = {'ao0': float(held_v), 'ao1': 0.0}
         self.outputs_v = [np.array([float(held_v)])]
+        self.stage.at_rate(1e5, float(held_v))
         self.tasks = {}
         self.calls = []
 
