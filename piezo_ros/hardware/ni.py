@@ -143,16 +143,16 @@ class NiDevice:
             raise RateRefused(
                 f'{self._name}: sample_period_s is {sample_period_s} s, allowed is '
                 f'{1.0 / c.highest_rate_hz:g} … {1.0 / c.lowest_rate_hz:g} s')
-        if not self._is_open:
-            self._connection.acquire()
         try:
+            if not self._is_open:
+                self._connection.acquire()
             # Made for the rate alone; it raises if the clock makes another one.
             ClockedTasks(
                 self._connection, self._channels, sample_period_s, self.parameters.timeout_s,
                 samples=2).close()
         except BaseException:
-            self._connection.close()
-            self._is_open = False
+            if not self._is_open:
+                self._connection.close()
             raise
         self._sample_period_s = sample_period_s
         self._is_open = True
@@ -269,13 +269,12 @@ class NiDevice:
 
     def close(self) -> None:
         """Release the card; the output holds."""
-        if not self._is_open:
-            return
-        self._is_open = False
         try:
-            self._end_stream()
-            self._on_demand.end()
+            if self._is_open:
+                self._end_stream()
+                self._on_demand.end()
         finally:
+            self._is_open = False
             self._connection.close()
 
     def _play(self, block_v: NDArray[np.float64]) -> NDArray[np.float64]:

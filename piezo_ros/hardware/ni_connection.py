@@ -30,7 +30,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from piezo_ros.hardware.device import Gone, MissingPackage, Reserved
-from piezo_ros.hardware.ni_errors import require_nidaqmx, translated
+from piezo_ros.hardware.ni_errors import client_library, translated
 from piezo_ros.user_directories import temporary_directory
 
 __all__ = ['NiConnection']
@@ -58,7 +58,7 @@ class NiConnection:
         self.address = address
         self.card = card
         self.name = f'{card} at {address}' if address else card
-        self._nidaqmx = require_nidaqmx()
+        self._nidaqmx = client_library()
         self._deadline_s = deadline_s
         self._channel: Any = None
         self._lock: int | None = None

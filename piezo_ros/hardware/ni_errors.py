@@ -29,7 +29,7 @@ from piezo_ros.hardware.device import (
     Underflow,
 )
 
-__all__ = ['NOT_YET', 'NO_ROOM', 'code_of', 'is_underflow', 'require_nidaqmx', 'translated']
+__all__ = ['NOT_YET', 'NO_ROOM', 'code_of', 'is_underflow', 'client_library', 'translated']
 
 NOT_YET: Final = -200284  # fewer readings than asked for within the timeout
 NO_ROOM: Final = -200292  # fewer samples written than asked for within the timeout
@@ -47,7 +47,7 @@ _HELP: Final = {
 }
 
 
-def require_nidaqmx() -> Any:
+def client_library() -> Any:
     """
     Return the module nidaqmx.
 
@@ -90,7 +90,7 @@ def translated(name: str, generated: int = 0) -> Iterator[None]:
         Voltages that have gone out, for an underflow.
 
     """
-    nidaqmx = require_nidaqmx()
+    nidaqmx = client_library()
     try:
         yield
     except nidaqmx.errors.Error as error:

@@ -105,7 +105,8 @@ class ClockedTasks:
         # Index of the first and voltages, of what was written and may still be at the output.
         self._sent: deque[tuple[int, NDArray[np.float64]]] = deque()
         self._fault: Underflow | None = None
-        self._timeout_s = timeout_s
+        # A slow clock takes its time for the first reading.
+        self._timeout_s = timeout_s + 2.0 * sample_period_s
         self._rate_hz = 1.0 / sample_period_s
         self._is_finite = samples is not None
         self._tasks: list[Any] = []
@@ -233,7 +234,7 @@ class ClockedTasks:
                         raise
                 if not taken:
                     raise Overflow(
-                        f'{self.name}: no room for voltages within {self._timeout_s} s; fetch '
+                        f'{self.name}: no room for voltages within {self._timeout_s:g} s; fetch '
                         'readings, or write fewer at once') from error
             except nidaqmx.errors.Error:
                 with translated(self.name):
@@ -257,7 +258,7 @@ class ClockedTasks:
             got = int(getattr(error, 'samps_per_chan_read', 0) or 0)
             if not got:
                 raise DeviceError(
-                    f'{self.name}: no reading within {self._timeout_s} s; its clock stands '
+                    f'{self.name}: no reading within {self._timeout_s:g} s; its clock stands '
                     'still') from error
         self._fetched += got
         invalid = self._invalid_readings()

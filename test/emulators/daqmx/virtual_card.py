@@ -71,6 +71,9 @@ class RigStage:
         period_s = 1.0 / rate_hz
         if self._rig is None or self._rig.sample_period_s != period_s:
             self._rig = Rig(self.parameters, period_s, compiled=self._compiled)
+            if self._compiled:
+                # Compiled now, not while the clock runs.
+                Rig(self.parameters, period_s).run(np.zeros(1))
             deviation_v = held_v - self.parameters.operating_point_v
             if deviation_v:
                 self._rig.drive(np.full(math.ceil(0.05 * rate_hz), deviation_v))
