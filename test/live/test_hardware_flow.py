@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A stage of one's own on a device: the flow of the README gives the bits of the simulated plant."""
+"""A stage of one's own on a device: the flow of the README gives the simulated plant's bits."""
 
 import shutil
 
@@ -54,6 +54,7 @@ def assert_same_bags(directory, other):
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(900)
 def test_identification_and_scan_have_the_bits_of_the_simulated_plant(rig):
     folder = rig.directory / 'stage'
     shutil.copytree(STAGE, folder)
@@ -64,6 +65,6 @@ def test_identification_and_scan_have_the_bits_of_the_simulated_plant(rig):
         device.write_text(text.replace('PLANT', ', plant: {device: simulated}').replace(
             '    harmonics: 0\n', '    harmonics: 0\n    plant: {device: simulated}\n'))
         simulated, run = folder / f'{name}_simulated', folder / f'{name}_run'
-        assert rig.piezo('simulate', plain, '-o', simulated).wait() == 0
-        assert rig.piezo('run', device, '-o', run).wait() == 0
+        assert rig.piezo('simulate', plain, '-o', simulated).wait(240.0) == 0
+        assert rig.piezo('run', device, '-o', run).wait(240.0) == 0
         assert_same_bags(run, simulated)

@@ -265,6 +265,13 @@ def test_an_interrupted_run_ends_at_rest_without_a_step(kind):
     assert_safe(device)
 
 
+@pytest.mark.parametrize('kind', ['stop', 'lost writer', 'silent writer'])
+def test_so_does_one_that_software_times(kind):
+    device = interrupted(kind, 400, timing='on_demand', watchdog_s=0.1)
+    assert device.output.max() > 0.2
+    assert_safe(device)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize('seed', range(200))
 def test_r8_random_interruptions_end_at_rest_without_a_step(seed):
