@@ -26,17 +26,17 @@ import threading
 from pathlib import Path
 
 import numpy as np
-import yaml
 from daqmx.daqmx_service import served
 from daqmx.virtual_card import RigStage, VirtualCard
 
 from piezo_ros.model.rig import RigParameters
+from piezo_ros.parameters.parameter_file import read_parameter_file
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('--port', type=int, default=0)
-    parser.add_argument('--rig', type=Path, help='ROS parameter file or mapping of the rig')
+    parser.add_argument('--rig', type=Path, help='ROS parameter file of the plant')
     parser.add_argument('--held', type=float, help='volts at the output before the first start')
     parser.add_argument('--sensor-offset', type=float, default=0.0)
     parser.add_argument('--bits', type=int, nargs=2, default=(0, 0), metavar=('DAC', 'ADC'))
@@ -44,9 +44,8 @@ def main():
         '--wall-clock', type=float, metavar='FACTOR', help='samples in real time, times this')
     parser.add_argument('--trace', type=Path, help='.npy of the output, written at the end')
     arguments = parser.parse_args()
-    values = yaml.safe_load(arguments.rig.read_text(encoding='utf-8')) if arguments.rig else {}
-    for key in ('/**', 'ros__parameters'):
-        values = values.get(key, values)
+    values = (
+        read_parameter_file(arguments.rig, ['plant']).get('plant', {}) if arguments.rig else {})
     rig = RigParameters.among(values)
     held_v = rig.operating_point_v if arguments.held is None else arguments.held
     card = VirtualCard(

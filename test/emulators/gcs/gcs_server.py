@@ -24,21 +24,20 @@ import sys
 import threading
 from pathlib import Path
 
-import yaml
 from gcs.virtual_controller import VirtualController, served
 
 from piezo_ros.model.rig import RigParameters
+from piezo_ros.parameters.parameter_file import read_parameter_file
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument('--rig', type=Path, help='ROS parameter file or mapping of the rig')
+    parser.add_argument('--rig', type=Path, help='ROS parameter file of the plant')
     parser.add_argument('--held', type=float, help='target before the first start, um')
     parser.add_argument('--scale', type=float, default=1.2, help='um of target for each volt')
     arguments = parser.parse_args()
-    values = yaml.safe_load(arguments.rig.read_text(encoding='utf-8')) if arguments.rig else {}
-    for key in ('/**', 'ros__parameters'):
-        values = values.get(key, values)
+    values = (
+        read_parameter_file(arguments.rig, ['plant']).get('plant', {}) if arguments.rig else {})
     controller = VirtualController(
         RigParameters.among(values), target_scale_um_per_v=arguments.scale, held_um=arguments.held)
     ended = threading.Event()
