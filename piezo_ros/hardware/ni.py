@@ -32,7 +32,13 @@ from piezo_ros.hardware.calibration import (
     displacement_um,
     output_v,
 )
-from piezo_ros.hardware.device import DeviceConstraints, DeviceError, RateRefused, Refused
+from piezo_ros.hardware.device import (
+    DeviceConstraints,
+    DeviceError,
+    RateRefused,
+    Refused,
+    Underflow,
+)
 from piezo_ros.hardware.limits import refuse_beyond_rails
 from piezo_ros.hardware.ni_connection import NiConnection
 from piezo_ros.hardware.ni_errors import translated
@@ -248,9 +254,7 @@ class NiDevice:
                 f'{end + 1 - self._fetched} readings are left')
         readings_um = displacement_um(self.parameters, stream.read(samples))
         self._fetched += samples
-        if end is not None and self._fetched == end + 1:
-            self._end_stream()
-            self._played_v = self._last_v
+        self._end_if_read()
         return readings_um
 
     def generated(self) -> int:
@@ -264,8 +268,14 @@ class NiDevice:
         if self._finished_at is None:
             end = stream.written
             tail = min(_TAIL_SAMPLES, self.parameters.buffer_samples // 2)
-            stream.write(output_v(self.parameters, np.full(tail, self._last_v)))
+            try:
+                stream.write(output_v(self.parameters, np.full(tail, self._last_v)))
+            except Underflow as error:
+                # The last voltage went out before this was called: nothing is missing.
+                if error.index < end:
+                    raise
             self._finished_at = end
+            self._end_if_read()
 
     def close(self) -> None:
         """Release the card; the output holds."""
@@ -292,6 +302,12 @@ class NiDevice:
             tasks.close()
         self._played_v = float(block_v[-1])
         return displacement_um(self.parameters, readings_v)
+
+    def _end_if_read(self) -> None:
+        """End a finished stream of which the last reading was fetched."""
+        if self._finished_at is not None and self._fetched == self._finished_at + 1:
+            self._end_stream()
+            self._played_v = self._last_v
 
     def _end_stream(self) -> None:
         stream = self._stream

@@ -190,8 +190,11 @@ class SimulatedDevice:
             raise stream.ran_out()
         self._advance(stream, missing)
         readings_um, stream.readings_um = np.split(stream.readings_um, [samples])
-        if stream.finished and not stream.waiting_v.size and not stream.readings_um.size:
-            self._stream = None
+        if stream.is_at_end:
+            # At the instant of this reading there was no voltage to go out.
+            stream.underflow = True
+            if stream.finished:
+                self._stream = None
         return readings_um
 
     def generated(self) -> int:
@@ -202,7 +205,10 @@ class SimulatedDevice:
 
     def finish(self) -> None:
         """Say that the last voltage of the stream has been written."""
-        self._running().finished = True
+        stream = self._running()
+        stream.finished = True
+        if stream.is_at_end:
+            self._stream = None
 
     def close(self) -> None:
         """Release the device; the rig stays where it is."""
@@ -262,6 +268,11 @@ class _Stream:
         self.written = 0
         self.finished = False
         self.underflow = False
+
+    @property
+    def is_at_end(self) -> bool:
+        """Whether the reading that answers the last voltage was fetched."""
+        return not self.waiting_v.size and not self.readings_um.size
 
     def ran_out(self) -> Underflow:
         return Underflow(

@@ -97,10 +97,11 @@ def test_a_voltage_that_is_not_allowed_moves_nothing(ni, card, value):
                  lambda: device.start([value]), lambda: device.ramp_to(value, 1.0)):
         with pytest.raises(Refused, match=r'Dev1.*\[[01]\] is .* V, allowed is -7 … 5 V'):
             call()
+    assert len(card.outputs_v) == pieces
     device.start([0.0])
     with pytest.raises(Refused, match='allowed is -7'):
         device.write([value])
-    assert len(card.outputs_v) == pieces
+    assert {*np.concatenate(card.outputs_v)} == {5.0}
 
 
 def test_a_card_that_is_unplugged_is_gone_and_then_back(ni, card):

@@ -215,3 +215,13 @@ def test_open_device_makes_the_kind_that_is_named():
 def test_open_device_names_what_it_cannot_take(kind, parameters, told):
     with pytest.raises(ParameterError, match=told):
         open_device(kind, parameters)
+
+
+def test_to_read_all_there_is_runs_dry_unless_the_stream_is_finished(make):
+    device = make()
+    device.start(sine(10))
+    device.read(11)
+    with pytest.raises(Underflow, match='at index 10'):
+        device.write([0.0])
+    device.finish()
+    assert device.play([0.0]).size == 2

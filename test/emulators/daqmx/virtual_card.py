@@ -226,6 +226,8 @@ class VirtualCard:
         task.running, task.started_s = True, time.monotonic()
         if not task.is_output and task.mode:
             self.stage.at_rate(task.rate_hz, self.held_v['ao0'])
+            if self.wall_clock_factor is None:
+                self._advance(task, 1)
 
     def stop(self, name):
         self._called('stop', name)
