@@ -265,10 +265,11 @@ def assert_nodes_start(workspace, lib):
             '-p', 'autostart:=false'),
         cwd=workspace, preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL))
         for executable in EXECUTABLES if executable != 'piezo']
+    nodes = {
+        'loop': ['compensator', 'controller', 'plant', 'trajectory'], 'hardware_plant': ['plant']}
     expected = {
         (node, f'{namespace}/{executable}') for executable in EXECUTABLES if executable != 'piezo'
-        for node in (['compensator', 'controller', 'plant', 'trajectory']
-                     if executable == 'loop' else [executable])}
+        for node in nodes.get(executable, [executable])}
     rclpy.init(args=[], context=context)
     onlooker = rclpy.create_node('onlooker', context=context)
     try:

@@ -22,6 +22,8 @@ from piezo_ros.runtime.streams.sample_queue import SampleQueue
 
 __all__ = ['DeviceStream']
 
+_CATCH_UP = 4  # times as many readings at once where they have piled up
+
 
 class DeviceStream:
     """
@@ -55,6 +57,7 @@ class DeviceStream:
         self._unanswered = SampleQueue()
         self._written = 0
         self._is_complete = False
+        self._generated = 0  # when that was asked last
         self._generated_seen = -1
 
     @property
@@ -78,7 +81,8 @@ class DeviceStream:
         """Write as many of the voltages that wait as there is room for; return whether any."""
         if not waiting:
             return False
-        room = self._room - (self._written - self._device.generated())
+        self._generated = self._device.generated()
+        room = self._room - (self._written - self._generated)
         if room <= 0:
             return False
         voltage_v = waiting.pull(room)
@@ -102,7 +106,9 @@ class DeviceStream:
             if self._device.generated() < self._written:
                 return None
             left += 1  # It has run dry, and says at which index.
-        count = min(left, self._at_once)
+        # Readings that have piled up hold the demand for voltages back: they are fetched sooner.
+        behind = min(self._generated - self.fetched, _CATCH_UP * self._at_once)
+        count = min(left, max(self._at_once, behind))
         readings_um = self._device.read(count)
         answered_v = self._unanswered.pull(count if self.fetched else count - 1)
         if answered_v.size:
