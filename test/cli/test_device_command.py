@@ -134,9 +134,10 @@ runs:
 
 
 @pytest.mark.parametrize(('device', 'more', 'options', 'said'), [
-    ('ni', {}, [], 'give --yes'),
+    pytest.param('ni', {}, [], 'give --yes', marks=pytest.mark.slow),
     ('simulated', {'slew_limit_v_per_s': 2000}, ['--yes'], '2 V/ms allowed'),
-    ('simulated', {}, ['--composed'], 'leave --composed and --keep out'),
+    pytest.param('simulated', {}, ['--composed'], 'leave --composed and --keep out',
+                 marks=pytest.mark.slow),
 ])
 def test_a_run_that_must_not_start_leaves_no_directory(
         tmp_path, capsys, device, more, options, said):
@@ -147,6 +148,7 @@ def test_a_run_that_must_not_start_leaves_no_directory(
     assert not out.exists()
 
 
+@pytest.mark.slow
 def test_simulate_stands_in_for_a_simulated_device_and_refuses_a_real_one(tmp_path, capsys):
     assert main(['simulate', plan(tmp_path, 'simulated'), '-o', str(tmp_path / 'a')]) == 0
     assert main(['simulate', plan(tmp_path, 'ni'), '-o', str(tmp_path / 'b')]) == 2
