@@ -21,7 +21,9 @@ from setuptools import find_packages, setup
 
 PACKAGE = 'piezo_ros'
 HERE = Path(__file__).resolve().parent
-NODES = ('plant', 'compensator', 'controller', 'trajectory', 'recorder', 'loop', 'stamped')
+NODES = (
+    'plant', 'hardware_plant', 'compensator', 'controller', 'trajectory', 'recorder', 'loop',
+    'stamped')
 EXECUTABLES = (*NODES, 'piezo')
 
 # What the extra [ros], and with it `make demo` where no ROS is sourced, brings.

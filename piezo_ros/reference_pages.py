@@ -29,6 +29,7 @@ from piezo_ros.model.parameters import CHANGES, Constraint, constraint_of
 from piezo_ros.parameters.node_parameters import (
     NODE_PARAMETERS,
     ONLOOKER_PARAMETERS,
+    PROGRAM_PARAMETERS,
     LoopNodeParameters,
 )
 
@@ -56,6 +57,12 @@ def parameter_page() -> str:
     for node, sets in NODE_PARAMETERS.items():
         own = [parameter_set for parameter_set in sets if parameter_set is not LoopNodeParameters]
         lines += ['', f'## {node}', '', *_parameter_table(own)]
+    for program, sets in PROGRAM_PARAMETERS.items():
+        own = [parameter_set for parameter_set in sets if parameter_set is not LoopNodeParameters]
+        lines += [
+            '', f'## {program}', '',
+            'The node `plant` of a real stage, see [hardware.md](hardware.md).', '',
+            *_parameter_table(own)]
     for node, sets in ONLOOKER_PARAMETERS.items():
         lines += [
             '', f'## {node}', '', 'It looks on, is not managed, and has these alone.', '',

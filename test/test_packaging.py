@@ -29,7 +29,8 @@ import setuptools
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 EXECUTABLES = [
-    'plant', 'compensator', 'controller', 'trajectory', 'recorder', 'loop', 'stamped', 'piezo']
+    'plant', 'hardware_plant', 'compensator', 'controller', 'trajectory', 'recorder', 'loop',
+    'stamped', 'piezo']
 
 # Name in an import statement -> (name on PyPI, rosdep key).
 THIRD_PARTY = {
@@ -264,10 +265,11 @@ def assert_nodes_start(workspace, lib):
             '-p', 'autostart:=false'),
         cwd=workspace, preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL))
         for executable in EXECUTABLES if executable != 'piezo']
+    nodes = {
+        'loop': ['compensator', 'controller', 'plant', 'trajectory'], 'hardware_plant': ['plant']}
     expected = {
         (node, f'{namespace}/{executable}') for executable in EXECUTABLES if executable != 'piezo'
-        for node in (['compensator', 'controller', 'plant', 'trajectory']
-                     if executable == 'loop' else [executable])}
+        for node in nodes.get(executable, [executable])}
     rclpy.init(args=[], context=context)
     onlooker = rclpy.create_node('onlooker', context=context)
     try:

@@ -23,6 +23,7 @@ from piezo_ros.bag import STREAMS
 from piezo_ros.parameters.node_parameters import (
     NODE_PARAMETERS,
     ONLOOKER_PARAMETERS,
+    PROGRAM_PARAMETERS,
     parameter_names,
 )
 from piezo_ros.reference_pages import PAGES, main
@@ -43,9 +44,10 @@ def test_the_page_of_parameters_has_every_one_of_every_node():
     sections = dict(zip(
         *[iter(re.split(r'^## (.*)$', PAGES['parameters.md'](), flags=re.MULTILINE)[1:])] * 2,
         strict=True))
-    assert list(sections) == ['Every node', *NODE_PARAMETERS, *ONLOOKER_PARAMETERS]
-    for node in (*NODE_PARAMETERS, *ONLOOKER_PARAMETERS):
-        text = sections[node] + (sections['Every node'] if node in NODE_PARAMETERS else '')
+    assert list(sections) == [
+        'Every node', *NODE_PARAMETERS, *PROGRAM_PARAMETERS, *ONLOOKER_PARAMETERS]
+    for node in (*NODE_PARAMETERS, *PROGRAM_PARAMETERS, *ONLOOKER_PARAMETERS):
+        text = sections[node] + (sections['Every node'] if node not in ONLOOKER_PARAMETERS else '')
         listed = re.findall(r'^\| `(\w+)`', text, re.MULTILINE)
         assert sorted(listed) == sorted(parameter_names(node))
 

@@ -20,7 +20,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from piezo_ros.contract.topics import Finding
+    from piezo_ros.hardware.checks.device_check import DeviceFinding
 
 __all__ = ['add_arguments']
 
@@ -31,6 +34,7 @@ examples:
   piezo check plant --start my_driver --port 3   start my_driver afresh for every fault
   piezo check controller --namespace rig_a --sample-period-s 1e-4
   piezo check config/experiments/demo.yaml       travel, rails, slew, average current of a plan
+  piezo check device --parameters stage.yaml     a device against its protocol
 
 A plant is driven with a sine of --amplitude around its operating point, for some 150 samples.
 Blocks that must be refused are sent in between, NaN among them: a driver that takes them drives
@@ -44,8 +48,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Describe the command's arguments to its parser."""
     parser.epilog = _EXAMPLES
     parser.add_argument(
-        'what', metavar='plant|compensator|controller|PLAN',
-        help='the kind of node, or a plan file (YAML)')
+        'what', metavar='plant|compensator|controller|device|PLAN',
+        help='the kind of node, the device of --parameters, or a plan file (YAML)')
+    parser.add_argument(
+        '--parameters', type=Path, metavar='FILE',
+        help='parameter file with the plant that has the device to check')
+    parser.add_argument(
+        '--yes', action='store_true', help='drive a real device without asking')
     parser.add_argument('--namespace', default='', metavar='NS', help='namespace of the node')
     parser.add_argument(
         '--amplitude', type=float, default=0.1, metavar='A',
@@ -72,6 +81,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def _check(options: argparse.Namespace) -> int:
     if options.what in ROLES:
         return _check_node(options)
+    if options.what == 'device':
+        return _check_device(options)
     if options.start:
         print(
             f'piezo: {options.what} is none of {", ".join(ROLES)}; only these are started by a '
@@ -106,7 +117,28 @@ def _check_node(options: argparse.Namespace) -> int:
     return _tell(findings)
 
 
-def _tell(findings: 'list[Finding]') -> int:
+def _check_device(options: argparse.Namespace) -> int:
+    from piezo_ros.cli.shared.drive_question import ask_to_drive
+    from piezo_ros.hardware.checks.device_check import check_device
+    from piezo_ros.hardware.chosen_device import choose_device
+    from piezo_ros.hardware.device import DeviceError
+    from piezo_ros.parameters.hardware_file import read_hardware
+    if options.parameters is None:
+        print('piezo: give --parameters FILE, which tells the device', file=sys.stderr)
+        return 2
+    hardware = read_hardware(options.parameters)
+    if hardware.is_real and not options.yes:
+        ask_to_drive(f'{hardware.device} {hardware.output_channel}')
+    try:
+        device = choose_device(hardware.device, hardware.to_mapping())
+        return _tell(check_device(device, options.sample_period_s or 1e-5, options.amplitude))
+    except DeviceError as error:
+        print(f'piezo: {error}', file=sys.stderr)
+        return 1
+
+
+def _tell(findings: 'Iterable[Finding | DeviceFinding]') -> int:
+    findings = list(findings)
     for finding in findings:
         detail = f': {finding.detail}' if finding.detail else ''
         print(f'{_WORDS[finding.right]:8} {finding.what}{detail}')
@@ -123,15 +155,17 @@ def _check_plan(path: Path) -> int:
             f'piezo: {path} is neither {", ".join(ROLES)} nor a plan file', file=sys.stderr)
         return 2
     from piezo_ros.experiment.plan import read_plan
-    from piezo_ros.experiment.plan.rig_limits import check_plan
+    from piezo_ros.experiment.plan.device_limits import DeviceDemand, check_device_plan
+    from piezo_ros.experiment.plan.rig_limits import Demand, check_plan
     plan = read_plan(path)
+    demands: list[Demand | DeviceDemand]
     if plan.scans:
         from piezo_ros.experiment.raster.motions import check_scans
-        demands = check_scans(plan.scans)
+        demands = [*check_scans(plan.scans)]
     else:
-        demands = check_plan(plan)
+        demands = [*check_plan(plan), *check_device_plan(plan)]
     for demand in demands:
         print(demand.text)
-    beyond = sum(demand.beyond for demand in demands)
-    print(f'{len(demands)} runs, {beyond} beyond what the rig can do')
+    beyond = {demand.name for demand in demands if demand.beyond}
+    print(f'{len(plan.runs)} runs, {len(beyond)} beyond what the rig can do')
     return 1 if beyond else 0

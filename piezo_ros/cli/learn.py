@@ -56,6 +56,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--offline', action='store_true', help='simulate the runs, without ROS')
     parser.add_argument(
         '--composed', action='store_true', help='the four nodes in one process')
+    parser.add_argument(
+        '--yes', action='store_true', help='drive a real device without asking')
     parser.add_argument('--resume', action='store_true', help='go on with what is in DIR')
     parser.add_argument(
         '-o', '--output', type=Path, required=True, metavar='DIR', help='output directory')
@@ -72,6 +74,8 @@ def _learn(options: argparse.Namespace) -> int:
         raise PlanError(f'--runs is {options.runs}, it must be 1 at least')
     request, plan = read_planned_scan(options.scan)
     base = _base(options.parameters)
+    if 'device' in base['plant']:
+        _check_device(options, base['plant'])
     try:
         if not options.offline:
             check_ros('')
@@ -102,6 +106,18 @@ def _base(files: list[Path]) -> dict[str, dict[str, Any]]:
         for node, values in read_parameter_file(path, LOOP_NODES).items():
             base[node].update(values)
     return base
+
+
+def _check_device(options: argparse.Namespace, plant: dict[str, Any]) -> None:
+    """Refuse what a device cannot do, and ask before a real one is driven."""
+    from piezo_ros.cli.shared.drive_question import ask_to_drive
+    from piezo_ros.parameters.hardware_parameters import SIMULATED
+    if options.offline or options.composed:
+        raise PlanError(
+            f'device is {plant["device"]}: its runs are neither simulated (--offline) nor in one '
+            'process (--composed)')
+    if plant['device'] != SIMULATED and not options.yes:
+        ask_to_drive(f'up to {options.runs} runs on {plant["device"]}')
 
 
 @contextmanager

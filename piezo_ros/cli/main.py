@@ -50,7 +50,8 @@ COMMANDS: Final = {
     'bag': 'info, salvage, export',
     'sweep': 'thousands of simulated runs over drawn parameters',
     'calibrate': "fit the simulated rig's mismatches to Table 4 (how config/rig.yaml was made)",
-    'check': 'a node against the contract of its topics; a plan against its rig',
+    'check': 'a node or device against its contract; a plan against its rig',
+    'device': 'what is attached; output wired to input; scale of the sensor',
 }
 
 

@@ -57,6 +57,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--namespace', default='', metavar='NS',
         help='namespace of the nodes (default: one of its own, so that several may run at once)')
+    parser.add_argument(
+        '--yes', action='store_true',
+        help='drive a real device without asking; needed where there is no terminal to ask on')
     parser.set_defaults(function=_run_live)
 
 
@@ -96,7 +99,14 @@ def _run_live(options: argparse.Namespace) -> int:
             supervisor.exit_code = run_plan(plan, options.output, graph, progress)
         return supervisor.exit_code
 
-    return with_plan(options, campaign, lambda: check_ros(options.namespace))
+    def check(plan: Plan) -> None:
+        check_ros(options.namespace)
+        if any(run.hardware for run in plan.runs):
+            from piezo_ros.cli.shared.drive_question import check_devices
+            check_devices(
+                plan, is_composed=options.composed or options.keep, is_agreed=options.yes)
+
+    return with_plan(options, campaign, check)
 
 
 def check_ros(namespace: str) -> None:
@@ -114,7 +124,7 @@ def check_ros(namespace: str) -> None:
 
 def with_plan(
     options: argparse.Namespace, campaign: Callable[[Plan], int],
-    check: Callable[[], None] = lambda: None,
+    check: Callable[[Plan], None] = lambda plan: None,
 ) -> int:
     """Read the plan, check, prepare its output directory, do the campaign; return the exit code."""
     try:
@@ -127,7 +137,7 @@ def with_plan(
                 'replace it')
         if plan.sweep is not None:
             raise PlanError(f'{options.plan} is a sweep; piezo sweep does it')
-        check()
+        check(plan)
         prepare_directory(options.output, force=options.force)
         return campaign(plan)
     except (BagError, CampaignError) as error:

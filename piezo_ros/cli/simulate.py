@@ -31,11 +31,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def _simulate(options: argparse.Namespace) -> int:
     from piezo_ros.experiment.offline import simulate_run
+    from piezo_ros.experiment.plan.hardware_entry import stand_in
+
+    def check(plan: Plan) -> None:
+        for run in plan.runs:
+            stand_in(run, plan.known)
 
     def campaign(plan: Plan) -> int:
         if plan.scans:
             from piezo_ros.experiment.raster.offline_rigs import OfflineRigs
             return run_scans(plan, options.output, OfflineRigs(), Progress())
-        return run_plan(plan, options.output, simulate_run, Progress())
+        return run_plan(
+            plan, options.output,
+            lambda planned, bag: simulate_run(stand_in(planned, plan.known), bag), Progress())
 
-    return with_plan(options, campaign)
+    return with_plan(options, campaign, check)

@@ -30,6 +30,7 @@ from piezo_ros.control import (
     simulate_bare,
 )
 from piezo_ros.model import HysteresisParameters, RigParameters
+from piezo_ros.parameters.errors import CampaignError
 from piezo_ros.parameters.parameter_file import parameters_yaml
 from piezo_ros.parameters.provenance import run_metadata
 from piezo_ros.parameters.run import PlannedRun, RunResult
@@ -61,6 +62,10 @@ def simulate_run(planned: PlannedRun, bag: Path) -> RunResult:
 
 def simulated_streams(planned: PlannedRun) -> dict[str, NDArray[np.float64]]:
     """Simulate a run and return its streams; displacement has one sample more."""
+    if planned.hardware:
+        # What `stand_in` has not made a run of a simulated rig, of which more is known.
+        raise CampaignError(
+            f'{planned.name}: device {planned.hardware.device} is no simulated rig')
     if planned.bare:
         bare = simulate_bare(planned.plant, planned.trajectory)
         return {'voltage': bare.voltage_v, 'displacement': bare.displacement_um}

@@ -22,9 +22,10 @@ from typing import Any, Final
 from piezo_ros.live.node_status import voltage_at_the_end
 from piezo_ros.live.process_group import POLL_S
 from piezo_ros.live.rescue import rescue
-from piezo_ros.live.run_parameters import run_parameters
+from piezo_ros.live.run_parameters import rig_file, run_parameters
 from piezo_ros.live.supervisor import Supervisor, how_it_ended, stopped_by
 from piezo_ros.parameters.errors import CampaignError
+from piezo_ros.parameters.node_parameters import HARDWARE_PLANT
 from piezo_ros.parameters.run import PlannedRun, RunResult
 from piezo_ros.resource_limits import memory_limit
 from piezo_ros.runtime.process.running_time import RunningTime
@@ -122,6 +123,8 @@ class GraphPerRun:
         supervisor = self._supervisor
         if supervisor.stop_signal:
             raise CampaignError(stopped_by(supervisor.stop_signal))
+        if self._composed and planned.hardware:
+            raise CampaignError(f'{planned.name}: a device has a process of its own, not composed')
         logs = self._logs(planned)
         logs.mkdir(parents=True)
         supervisor.begin_graph()
@@ -130,7 +133,8 @@ class GraphPerRun:
         nodes = ['loop'] if self._composed and not planned.bare else planned.nodes
         try:
             for name in [*(['recorder'] if self._record else []), *nodes]:
-                supervisor.processes.start(name, arguments, logs / f'{name}.log')
+                executable = HARDWARE_PLANT if name == 'plant' and planned.hardware else name
+                supervisor.processes.start(name, arguments, logs / f'{name}.log', executable)
         except BaseException:
             self.kill()
             raise
@@ -159,6 +163,10 @@ class GraphPerRun:
     def _write_parameters(self, planned: PlannedRun, bag: Path) -> list[str]:
         """Write the parameter file of the run and return the arguments that load it."""
         path = self._directory / 'parameters' / f'{planned.name}.yaml'
+        if planned.hardware and not planned.hardware.is_real:
+            # The rig that the device simulates is no parameter of the node.
+            self._supervisor.write_parameters(
+                rig_file(path), {'plant': planned.plant.to_mapping()})
         return self._supervisor.write_parameters(path, run_parameters(
             planned, bag, record=self._record, autostart=True,
             compiled=planned.nodes if self._composed else _worth_compiling(planned), file=path))

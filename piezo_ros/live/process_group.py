@@ -56,11 +56,14 @@ class ProcessGroup:
         """Return whether an executable was started."""
         return name in self._processes
 
-    def start(self, name: str, arguments: Iterable[str], log: Path) -> None:
-        """Start one executable, its output into a log."""
+    def start(
+        self, name: str, arguments: Iterable[str], log: Path, executable: str = '',
+    ) -> None:
+        """Start one executable, by default the one of the same name, its output into a log."""
         with log.open('wb') as output:
             self._processes[name] = subprocess.Popen(
-                [sys.executable, '-m', 'piezo_ros.nodes.executables', name, *arguments],
+                [sys.executable, '-m', 'piezo_ros.nodes.executables', executable or name,
+                 *arguments],
                 stdin=subprocess.DEVNULL, stdout=output, stderr=subprocess.STDOUT,
                 env={**os.environ, PARENT_VARIABLE: str(os.getpid())})
 

@@ -19,9 +19,11 @@ from pathlib import Path
 from typing import Any, Final
 
 from piezo_ros.bag import STREAMS
+from piezo_ros.parameters.hardware_parameters import HardwareParameters
+from piezo_ros.parameters.node_parameters import HARDWARE_PLANT, parameter_names
 from piezo_ros.parameters.run import PlannedRun
 
-__all__ = ['run_parameters']
+__all__ = ['rig_file', 'run_parameters']
 
 _BARE_LOOKAHEAD: Final = 1000
 _RECORDED_BLOCK_SAMPLES: Final = 1000
@@ -78,6 +80,8 @@ def run_parameters(
     sections['plant']['demand_lookahead_samples'] = _BARE_LOOKAHEAD if planned.bare else 0
     if planned.bare:
         sections['plant']['required_readers'] = int(record)
+    if planned.hardware:
+        _adapt_to_device(planned, planned.hardware, sections, file)
     if record:
         sections = {'recorder': {
             'streams': 'voltage,displacement' if planned.bare else ','.join(STREAMS),
@@ -92,3 +96,28 @@ def run_parameters(
         if autostart:
             values['autostart'] = True
     return sections
+
+
+def rig_file(file: Path) -> Path:
+    """Return the file of the rig that a device simulates, beside the parameters of the run."""
+    return file.with_name(f'{file.stem}.rig.yaml')
+
+
+def _adapt_to_device(
+    planned: PlannedRun, hardware: HardwareParameters, sections: dict[str, dict[str, Any]],
+    file: Path | None,
+) -> None:
+    """Let the run come as far ahead as the device wants it, and tell the plant its own."""
+    names = parameter_names(HARDWARE_PLANT)
+    plant = sections['plant'] = {
+        name: value for name, value in sections['plant'].items() if name in names}
+    if not hardware.is_real and file is not None:
+        plant['simulated_rig_file'] = str(rig_file(file).absolute())
+    lookahead = hardware.lookahead_samples(
+        planned.trajectory.samples, planned.trajectory.sample_period_s)
+    if planned.bare:
+        plant['demand_lookahead_samples'] = max(plant['demand_lookahead_samples'], lookahead)
+        return
+    controller = sections['controller']
+    for name in ('lookahead_samples', 'max_buffer_samples'):
+        controller[name] = max(controller[name], lookahead)

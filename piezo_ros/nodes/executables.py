@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 __all__ = [
     'compensator',
     'controller',
+    'hardware_plant',
     'loop',
     'plant',
     'recorder',
@@ -84,13 +85,17 @@ def _run(*names: str, control_law: 'type[ControlLaw] | None' = None) -> int:
     from piezo_ros.runtime.host import host
 
     classes = [
-        getattr(import_module(f'piezo_ros.nodes.{name}'), name.capitalize()) for name in names]
+        getattr(import_module(f'piezo_ros.nodes.{name}'), _class_name(name)) for name in names]
     own = {'control_law': control_law} if control_law else {}
     # Several nodes in one process share the time that the compiler's import takes.
     code = host(lambda: [node(compiled=len(classes) > 1, **own) for node in classes])
     # While Python shuts down, a signal would kill it, and its exit code would be lost.
     set_stop_handler(signal.SIG_IGN)
     return code
+
+
+def _class_name(module: str) -> str:
+    return module.title().replace('_', '')
 
 
 def _end_start(number: int, _frame: object) -> None:
@@ -115,6 +120,11 @@ def _follow_parent() -> None:
 def plant() -> int:
     """Run the simulated rig."""
     return _run('plant')
+
+
+def hardware_plant() -> int:
+    """Run a real stage in place of the simulated rig."""
+    return _run('hardware_plant')
 
 
 def compensator() -> int:

@@ -21,6 +21,7 @@ from rclpy.parameter_client import AsyncParameterClient
 
 from piezo_ros.bag import BagError, BagWriter
 from piezo_ros.nodes.recorder_parts.bag_directories import BagDirectories
+from piezo_ros.nodes.recorder_parts.device_status import DeviceStatus
 from piezo_ros.nodes.recorder_parts.peer_parameters import PeerParameters
 from piezo_ros.nodes.recorder_parts.run_description import RunDescription
 from piezo_ros.parameters.node_parameters import RecorderParameters
@@ -34,7 +35,7 @@ __all__ = ['Recorder']
 
 _AT_ONCE = 64  # blocks of one stream before the next one's turn
 _SETTLE_S = 0.2  # how long a stopped recorder waits for what is still on its way
-_SETTLE_AT_MOST_S = 2.0  # how long it takes what comes: the others may go on regardless
+_SETTLE_AT_MOST_S = 2.0  # how long it takes what comes
 
 
 class Recorder(LoopNode):
@@ -60,6 +61,10 @@ class Recorder(LoopNode):
         """Return the topic of a stream, or of its copy."""
         return copy_topic(stream) if self._recording.from_copies else stream
 
+    def create_endpoints(self) -> None:
+        """Listen to what a plant tells of its device."""
+        self._device = DeviceStatus(self)
+
     def start(self) -> None:
         """Ask the other nodes for their parameters; the bag begins with them."""
         self._directory = self._directories.next(self._recording.bag_directory)
@@ -69,14 +74,13 @@ class Recorder(LoopNode):
         self._pending: list[tuple[str, bytes]] = []
         self._peers = PeerParameters(self, self._parameter_client)
         self._description = RunDescription(
-            self.get_namespace(), self._recording.parameters_file, self._peers)
+            self.get_namespace(), self._recording.parameters_file, self._peers, self._device)
         self._is_described = False
 
     def _parameter_client(self, name: str) -> AsyncParameterClient:
         """Return the client of a node's parameters; one for all runs, rclpy cannot give it back."""
-        if name not in self._parameter_clients:
-            self._parameter_clients[name] = AsyncParameterClient(self, name)
-        return self._parameter_clients[name]
+        clients = self._parameter_clients
+        return clients.get(name) or clients.setdefault(name, AsyncParameterClient(self, name))
 
     def poll(self) -> bool:
         """Write what has arrived."""
@@ -111,7 +115,7 @@ class Recorder(LoopNode):
         if self._bag is None or (self._is_described and not last):
             return
         self._is_described = self._peers.complete()
-        if (self._is_described or last) and (news := self._description.news()):
+        if (self._is_described or last) and (news := self._description.news(last=last)):
             self._bag.describe(*news)
 
     def _write_pending(self, bag: BagWriter) -> None:
@@ -121,11 +125,9 @@ class Recorder(LoopNode):
 
     def watch(self, now_s: float) -> None:
         """Hand what was recorded to the operating system now and then."""
-        if self._bag is None:
-            return
         try:
             self._describe()
-            if now_s >= self._next_flush_s:
+            if self._bag is not None and now_s >= self._next_flush_s:
                 self._next_flush_s = now_s + self._recording.flush_period_s
                 self._bag.flush()
         except BagError as error:
@@ -152,10 +154,8 @@ class Recorder(LoopNode):
     def _take_the_rest(self, bag: BagWriter) -> None:
         open_readers = [reader for reader in self.readers.values() if not reader.ended]
         taken, quiet = RunningTime(), RunningTime()
-        while (
-            open_readers and quiet.elapsed_s() < _SETTLE_S
-            and taken.elapsed_s() < _SETTLE_AT_MOST_S
-        ):
+        while (open_readers and quiet.elapsed_s() < _SETTLE_S
+               and taken.elapsed_s() < _SETTLE_AT_MOST_S):
             for reader in list(open_readers):
                 try:
                     for _ in range(_AT_ONCE):
@@ -173,9 +173,9 @@ class Recorder(LoopNode):
 
     def _open(self, now: bool = False) -> bool:
         """Open the bag once the parameters are there, or do not come."""
-        waited_s = self._waited.elapsed_s()
         self._is_described = self._peers.complete()
-        if not (now or self._is_described or waited_s > self._recording.parameters_timeout_s):
+        is_late = self._waited.elapsed_s() > self._recording.parameters_timeout_s
+        if not (now or self._is_described or is_late):
             return False
         for name in self._peers.silent:
             self.get_logger().warning(f'{name} has not told its parameters yet; the bag begins')

@@ -23,7 +23,11 @@ from typing import Any
 from rclpy.utilities import remove_ros_args
 
 from piezo_ros.model.parameters import constraint_of
-from piezo_ros.parameters.node_parameters import NODE_PARAMETERS, parameter_sets
+from piezo_ros.parameters.node_parameters import (
+    NODE_PARAMETERS,
+    PROGRAM_PARAMETERS,
+    parameter_sets,
+)
 
 __all__ = ['answer_usage']
 
@@ -68,7 +72,7 @@ def answer_usage(roles: Sequence[str], arguments: Sequence[str]) -> int | None:
 
 def _help(name: str, roles: Sequence[str]) -> str:
     nodes = ' and '.join(filter(None, [', '.join(roles[:-1]), roles[-1]]))
-    managed = set(roles) <= NODE_PARAMETERS.keys()
+    managed = set(roles) <= {*NODE_PARAMETERS, *PROGRAM_PARAMETERS}
     lines = [
         f'usage: {name} [--ros-args [-p NAME:=VALUE]... [--params-file FILE]... [-r FROM:=TO]...]',
         '',

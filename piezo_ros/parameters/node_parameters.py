@@ -28,6 +28,7 @@ from piezo_ros.control import ControllerParameters, TrajectoryParameters
 from piezo_ros.control.changes import ChangeParameters
 from piezo_ros.model import CompensatorParameters, ParameterError, ParameterSet, RigParameters
 from piezo_ros.model.parameters import parameter
+from piezo_ros.parameters.hardware_parameters import HardwareParameters
 from piezo_ros.streams import STREAMS
 
 __all__ = [
@@ -35,10 +36,13 @@ __all__ = [
     'NODE_PARAMETERS',
     'ONLOOKER_PARAMETERS',
     'PARAMETERS_OF_RCLPY',
+    'PROGRAM_PARAMETERS',
     'BareParameters',
     'BlockParameters',
     'DemandParameters',
+    'HARDWARE_PLANT',
     'HistoryParameters',
+    'InitialiseParameters',
     'LoopNodeParameters',
     'PaceParameters',
     'RecorderParameters',
@@ -112,17 +116,23 @@ class PaceParameters(ParameterSet):
 
 
 @dataclass(frozen=True, kw_only=True)
-class HistoryParameters(ParameterSet):
-    """The state of the stage at the start of a run, and how ~/initialise clears it."""
+class InitialiseParameters(ParameterSet):
+    """How ~/initialise clears the history of the stage."""
 
-    keep_state: bool = parameter(
-        False, '', 'begin a run where the one before has left the stage, as a real one does, '
-        'instead of with a stage that was never driven; ~/initialise demagnetises it')
     initialise_amplitude_v: float = parameter(
         0.0, 'V', 'first peak of the decaying triangle of ~/initialise; 0: up to the nearer rail',
         minimum=0.0, maximum=1e3, change='running')
     initialise_levels: int = parameter(
         100, '', 'periods of the decaying triangle', minimum=1, maximum=10_000, change='running')
+
+
+@dataclass(frozen=True, kw_only=True)
+class HistoryParameters(InitialiseParameters):
+    """The state of the simulated stage at the start of a run."""
+
+    keep_state: bool = parameter(
+        False, '', 'begin a run where the one before has left the stage, as a real one does, '
+        'instead of with a stage that was never driven; ~/initialise demagnetises it')
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -215,6 +225,14 @@ NODE_PARAMETERS: Final[Mapping[str, tuple[type[ParameterSet], ...]]] = {
         LoopNodeParameters),
     'trajectory': (TrajectoryParameters, BlockParameters, LoopNodeParameters),
 }
+# The program that drives hardware in the role of the plant.
+HARDWARE_PLANT: Final = 'hardware_plant'
+# Program in the role of a node -> its parameter sets, where they are not those of the role.
+PROGRAM_PARAMETERS: Final[Mapping[str, tuple[type[ParameterSet], ...]]] = {
+    HARDWARE_PLANT: (
+        HardwareParameters, SafetyParameters, InitialiseParameters, BareParameters,
+        LoopNodeParameters),
+}
 # The nodes of the control loop: all of them but the recorder.
 LOOP_NODES: Final = ('compensator', 'controller', 'plant', 'trajectory')
 
@@ -275,8 +293,8 @@ def parameter_names(node: str) -> tuple[str, ...]:
 
 
 def parameter_sets(node: str) -> tuple[type[ParameterSet], ...]:
-    """Return the parameter sets of a node, managed or onlooker."""
-    return (NODE_PARAMETERS if node in NODE_PARAMETERS else ONLOOKER_PARAMETERS)[node]
+    """Return the parameter sets of a node, managed or onlooker, or of a program in its role."""
+    return {**NODE_PARAMETERS, **ONLOOKER_PARAMETERS, **PROGRAM_PARAMETERS}[node]
 
 
 def check_node_parameters(node: str, values: Mapping[str, Any]) -> dict[str, Any]:
@@ -286,7 +304,7 @@ def check_node_parameters(node: str, values: Mapping[str, Any]) -> dict[str, Any
     Parameters
     ----------
     node : str
-        One of `NODE_PARAMETERS` or `ONLOOKER_PARAMETERS`.
+        One of `NODE_PARAMETERS`, `ONLOOKER_PARAMETERS` or `PROGRAM_PARAMETERS`.
     values : mapping of str to value
         Any subset of its parameters.
 

@@ -22,6 +22,7 @@ from typing import Any, Protocol
 from piezo_ros.control import ControllerParameters, TrajectoryParameters
 from piezo_ros.control.changes import Change, parse_changes
 from piezo_ros.model import CompensatorParameters, RigParameters
+from piezo_ros.parameters.hardware_parameters import HardwareParameters
 from piezo_ros.parameters.node_parameters import LOOP_NODES
 
 __all__ = ['PlannedRun', 'Prediction', 'RunResult']
@@ -52,7 +53,8 @@ class PlannedRun:
     name : str
         Name of its directories, unique within the plan.
     parameters : mapping of str to mapping
-        One of `LOOP_NODES` to all of its parameters.
+        One of `LOOP_NODES` to all of its parameters; a plant with a device has those of the
+        hardware plant beside those of a rig.
     prediction : Prediction or None
         What was decided for the run and why, where its scheme or harmonics were ``auto``.
 
@@ -76,6 +78,12 @@ class PlannedRun:
     def plant(self) -> RigParameters:
         """The rig."""
         return RigParameters.among(self.parameters['plant'])
+
+    @cached_property
+    def hardware(self) -> HardwareParameters | None:
+        """The device that the run is on, None for the simulated rig."""
+        plant = self.parameters['plant']
+        return HardwareParameters.among(plant) if 'device' in plant else None
 
     @cached_property
     def compensator(self) -> CompensatorParameters:

@@ -110,7 +110,8 @@ def shell(tmp_path):
 
 def test_there_are_tutorials_and_each_has_commands():
     assert {path.stem for path in TUTORIALS} == {
-        'by-hand', 'colcon-workspace', 'first-scan', 'your-own-controller', 'your-own-rig'}
+        'by-hand', 'colcon-workspace', 'first-scan', 'your-own-controller', 'your-own-device',
+        'your-own-rig'}
     for path in TUTORIALS:
         assert len(blocks(path, *KINDS)) >= 3
         # No block may escape the tests by a kind that is not known here.

@@ -23,6 +23,7 @@ from typing import Any, Final
 
 from piezo_ros.experiment.model_file import read_accuracy, read_bound
 from piezo_ros.experiment.plan.automatic import KNOWN_NODES, Known
+from piezo_ros.experiment.plan.hardware_entry import ignored_of_rig, is_of_hardware
 from piezo_ros.experiment.plan.raster_scan import RasterScan, read_scans
 from piezo_ros.experiment.plan.run_entry import RUN_KEYS, SHORT_KEYS, checked_parameters, plan_run
 from piezo_ros.parameters.errors import PlanError
@@ -135,6 +136,8 @@ def read_plan(path: Path) -> Plan:
         for key in _KEYS_OF_RUNS:
             if key in content:
                 raise PlanError(f'{path}: a study makes its own runs, there must be no key {key}')
+        if is_of_hardware(base['plant']):
+            raise PlanError(f'{path}: a study is of the simulated rig, plant must have no device')
         return Plan(
             path, title, 4.0, (), base, str(content['study']), notes=_notes(path, content))
     if scans := read_scans(
@@ -143,6 +146,8 @@ def read_plan(path: Path) -> Plan:
         for key in _NOT_OF_SCANS:
             if key in content:
                 raise PlanError(f'{path}: beside scans there must be no key {key}')
+        if is_of_hardware(base['plant']):
+            raise PlanError(f'{path}: scans are of simulated rigs, plant must have no device')
         return Plan(path, title, 4.0, (), base, notes=_notes(path, content), scans=scans)
     entries = _list(path, 'runs', content.get('runs'))
     score_periods = content.get('score_periods', 4)
@@ -170,9 +175,12 @@ def read_plan(path: Path) -> Plan:
             raise PlanError(
                 f'{path}: score_periods is {score_periods}, allowed is 0 … {periods} '
                 f'(periods of {run.name})')
+    if 'sweep' in content and any(run.hardware for run in runs):
+        raise PlanError(f'{path}: a sweep is of the simulated rig, plant must have no device')
     return Plan(
         path, title, float(score_periods), tuple(runs), base, entries=tuple(combinations),
-        known=known, sweep=content.get('sweep'), notes=_notes(path, content))
+        known=known, sweep=content.get('sweep'),
+        notes=(*_notes(path, content), *_notes_of_devices(path, base, combinations)))
 
 
 def _read_sections(
@@ -195,6 +203,19 @@ def _notes(path: Path, content: Mapping[str, Any]) -> tuple[str, ...]:
     return tuple(
         f'{file}: {", ".join(own)} of {node} is ignored: a plan has its own time and QoS'
         for file in files for node, own in parameters_of_rclpy(file, LOOP_NODES).items())
+
+
+def _notes_of_devices(
+    path: Path, base: Mapping[str, Mapping[str, Any]], entries: Sequence[Mapping[str, Any]],
+) -> tuple[str, ...]:
+    """Return which parameters of a simulated rig a plan gives to real devices in vain."""
+    ignored = {
+        name for entry in entries
+        for name in ignored_of_rig({**base['plant'], **entry.get('plant', {})})}
+    if not ignored:
+        return ()
+    return (
+        f'{path}: {", ".join(sorted(ignored))} of plant is ignored: the device is a real stage',)
 
 
 def _read_known(path: Path, content: Mapping[str, Any]) -> Known:

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from piezo_ros.control import simulate, simulate_bare
 from piezo_ros.experiment.plan import Plan
+from piezo_ros.experiment.plan.hardware_entry import rig_is_known, stand_in
 from piezo_ros.model.effects.load import average_slew
 from piezo_ros.parameters.errors import PlanError
 from piezo_ros.parameters.run import PlannedRun
@@ -109,12 +110,12 @@ class Demand:
 
 def check_plan(plan: Plan) -> list[Demand]:
     """
-    Return what every run of a plan asks of its rig.
+    Return what every run of a plan asks of its rig, of those with a rig of which a model is known.
 
     Parameters
     ----------
     plan : Plan
-        The plan; its plant stands for the rig.
+        The plan; its plant, or the model of a real stage, stands for the rig.
 
     Raises
     ------
@@ -126,7 +127,10 @@ def check_plan(plan: Plan) -> list[Demand]:
         raise PlanError(
             f'{plan.path}: the study {plan.study} decides on its runs while it runs; nothing can '
             'be checked before')
-    return [demand_of(run, plan.score_periods) for run in plan.runs]
+    # Of a real stage no model may be known: see `device_limits`.
+    return [
+        demand_of(stand_in(run, plan.known), plan.score_periods) for run in plan.runs
+        if rig_is_known(run, plan.known)]
 
 
 def demand_of(run: PlannedRun, score_periods: float) -> Demand:

@@ -28,6 +28,11 @@ from piezo_ros.experiment.plan.automatic import (
     place_is_told,
     take_out_automatic,
 )
+from piezo_ros.experiment.plan.hardware_entry import (
+    check_hardware,
+    complete_plant,
+    is_of_hardware,
+)
 from piezo_ros.model import ParameterError, RigParameters
 from piezo_ros.parameters.errors import PlanError
 from piezo_ros.parameters.node_parameters import LOOP_NODES, check_node_parameters
@@ -117,6 +122,7 @@ def plan_run(
         run = decide(
             where, run, undecided, known, score_periods, place_told=place_is_told(
                 values['trajectory'], known.sections.get('trajectory', {})))
+    check_hardware(where, run)
     return run if name else replace(run, name=_name(run, number))
 
 
@@ -230,6 +236,8 @@ def _check_rails(where: str, plant: RigParameters, amplitude_v: float) -> None:
 def checked_parameters(where: str, node: str, values: Mapping[str, Any]) -> dict[str, Any]:
     """Return all parameters of a node, defaults filled in; a refusal says where they stand."""
     try:
+        if node == 'plant' and is_of_hardware(values):
+            return complete_plant(values)
         return check_node_parameters(node, values)
     except ParameterError as error:
         raise PlanError(f'{where}: {node}: {error}') from None

@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from piezo_ros.bag.description import LOST_KEY
+from piezo_ros.nodes.recorder_parts.device_status import DeviceStatus
 from piezo_ros.nodes.recorder_parts.peer_parameters import PeerParameters
 from piezo_ros.parameters.node_parameters import LOOP_NODES
 from piezo_ros.parameters.parameter_file import parameters_yaml, read_parameter_file
@@ -41,18 +42,26 @@ class RunDescription:
         File with their parameters, '' for none.
     peers : PeerParameters
         What the nodes have told; it counts more than the file.
+    device : DeviceStatus, optional
+        What the plant tells of its device, if it has one.
 
     """
 
-    def __init__(self, namespace: str, parameters_file: str, peers: PeerParameters) -> None:
+    def __init__(
+        self, namespace: str, parameters_file: str, peers: PeerParameters,
+        device: DeviceStatus | None = None,
+    ) -> None:
         self._namespace = namespace
         self._parameters_file = parameters_file
         self._peers = peers
+        self._device = device
         self._told: tuple[dict[str, str], str] | None = None
         self._written: set[str] = set()  # names of the nodes of which parameters were told
 
-    def news(self) -> tuple[dict[str, str], str] | None:
+    def news(self, *, last: bool = False) -> tuple[dict[str, str], str] | None:
         """Return `contents` if they have changed since they were returned last, else None."""
+        if last and self._device:
+            self._device.await_rest()
         told = self._told
         contents = self.contents()
         return None if contents == told else contents
@@ -63,6 +72,8 @@ class RunDescription:
         lost = self._uncertain(parameters)
         self._written |= parameters.keys()
         metadata = run_metadata(parameters_by_role(parameters))
+        if self._device:
+            metadata |= self._device.metadata()
         if lost or (self._told and LOST_KEY in self._told[0]):
             metadata[LOST_KEY] = '\n'.join(lost)
         self._told = metadata, parameters_yaml(self._namespace, parameters)

@@ -21,9 +21,9 @@ from typing import Any
 from rclpy.parameter import Parameter
 
 from piezo_ros.parameters.node_parameters import (
-    NODE_PARAMETERS,
     LoopNodeParameters,
     parameter_names,
+    parameter_sets,
 )
 from piezo_ros.parameters.role_parameters import parameter_files, role_parameters
 from piezo_ros.runtime.node.hooks import NodeHooks
@@ -51,7 +51,7 @@ class ParameterChanges:
     def __init__(
         self, node: NodeHooks, *, compiled: bool, take: Callable[[LoopNodeParameters], None],
     ) -> None:
-        sets = NODE_PARAMETERS[node.role]
+        sets = parameter_sets(node.program or node.role)
         when = names_by_change(*sets)
         self._node = node
         self._take = take
@@ -70,7 +70,7 @@ class ParameterChanges:
         if node.get_name() == node.role:
             return {}
         values = role_parameters(node.role, node.get_namespace(), parameter_files(sys.argv))
-        names = parameter_names(node.role)
+        names = parameter_names(node.program or node.role)
         return {name: value for name, value in values.items() if name in names}
 
     @property

@@ -76,14 +76,14 @@ class NodeHooks(StreamNode):
 
     """
 
+    program = ''  # one of `PROGRAM_PARAMETERS`, where the parameters are not those of the role
     inputs: tuple[str, ...] = ()
     outputs: tuple[str, ...] = ()
-    # Whether peers wait for its next message, so that it shall look for its input all the time.
-    urgent = True
+    urgent = True  # whether peers wait for its next message: it looks for its input all the time
     # Whether a node that is not urgent had better let its input pile up.
     in_bursts = False
-    # Whether it subscribes only once it knows the writers, which wait for their readers and so do
-    # not begin before they are heard: in a loop each node waits for the next, none for a recorder.
+    # Whether it subscribes only once it knows the writers, which wait for their readers: in a loop
+    # each node waits for the next, none for a recorder.
     subscribes_late = False
     # The diagnostics warn where these counts grow.
     troubles: tuple[str, ...] = ('refused_messages', 'gaps')
