@@ -87,7 +87,8 @@ class RigStage:
         return self._sensor_v(rig.answer(rig.index, held_v - self.parameters.operating_point_v))
 
     def _sensor_v(self, displacement_um):
-        return displacement_um / self.parameters.sensor_scale_um_per_v + self.sensor_offset_v
+        scale_um_per_v = 2.0 * self.parameters.highest_reading_um / self.parameters.adc_span_v
+        return displacement_um / scale_um_per_v + self.sensor_offset_v
 
 
 class WireStage:
