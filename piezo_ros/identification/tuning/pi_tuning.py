@@ -42,7 +42,7 @@ True
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -57,7 +57,7 @@ from piezo_ros.identification.tuning.itae import itae
 from piezo_ros.identification.tuning.linear_plant import Bound, Model, bound_magnitude
 from piezo_ros.identification.tuning.loop_evidence import LoopEvidence
 from piezo_ros.identification.tuning.loop_shape import LoopShape, loop_shape
-from piezo_ros.identification.tuning.pi_loop import PiLoop
+from piezo_ros.identification.tuning.pi_loop import Lead, PiLoop
 
 __all__ = ['OBJECTIVES', 'PiTuning', 'tune_pi']
 
@@ -172,6 +172,7 @@ def tune_pi(
     sample_period_s: float | None = 1e-5,
     start: str | tuple[float, float] = 'crossover',
     evidence: LoopEvidence | None = None,
+    lead: Lead | None = None,
 ) -> PiTuning:
     """
     Return the PI gains of least ITAE, (9) in Liu 2015, within the limits of robustness.
@@ -198,6 +199,8 @@ def tune_pi(
         with.
     evidence : LoopEvidence, optional
         Measured points and the error of the model: the limit on |S| holds for them too.
+    lead : Lead, optional
+        Lead section before the gains, which start and tuned loop have.
 
     Returns
     -------
@@ -215,7 +218,7 @@ def tune_pi(
     if not uncertainty_limit > 0.0:
         raise ValueError(f'uncertainty_limit is {uncertainty_limit}, it must be above 0')
     delay = measurement_delay_samples if sample_period_s is not None else 0
-    loop = PiLoop.of(model, 1.0, 1.0, sample_period_s, delay)
+    loop = PiLoop.of(model, 1.0, 1.0, sample_period_s, delay, lead)
     if not loop.plant.poles_rad_per_s.real.max() < 0.0:
         raise ValueError(
             f'the model has the poles {loop.plant.poles_rad_per_s} rad/s, all must be stable')
@@ -230,7 +233,7 @@ def tune_pi(
     def shape(proportional_gain: float, integral_gain_per_s: float) -> LoopShape:
         return loop_shape(
             loop.plant, proportional_gain, integral_gain_per_s, sample_period_s=sample_period_s,
-            measurement_delay_samples=delay, bound=bound)
+            measurement_delay_samples=delay, bound=bound, lead=lead)
 
     before = shape(start_kp, start_ki)
     tuned_kp, tuned_ki = search.best(crossover_ki / crossover_kp, evaluate)
@@ -285,7 +288,7 @@ def _crossover_gains(loop: PiLoop) -> tuple[float, float]:
     """Return gains from the gain at which the proportional loop oscillates, and its period."""
     shape = loop_shape(
         loop.plant, 1.0, 0.0, sample_period_s=loop.sample_period_s,
-        measurement_delay_samples=loop.measurement_delay_samples)
+        measurement_delay_samples=loop.measurement_delay_samples, lead=loop.lead)
     frequency_hz = shape.frequency_hz
     response = shape.loop.loop(frequency_hz)
     reversed_phase = (response.imag[:-1] < 0.0) & (response.imag[1:] >= 0.0) & (
@@ -336,7 +339,10 @@ class _Search:
             typical_gain * _SMALLEST_GAIN, typical_gain).frequencies_hz()
         self._plant = loop.plant_response(self._frequency_hz) * loop.measurement_response(
             self._frequency_hz)
-        self._integral = loop.with_gains(0.0, 1.0).controller_response(self._frequency_hz)
+        without_lead = replace(loop, lead=None, proportional_gain=0.0)
+        self._integral = without_lead.controller_response(self._frequency_hz)
+        if loop.lead:
+            self._plant *= loop.lead.response(self._frequency_hz, loop.sample_period_s)
         self._bound = (
             None if bound is None else bound_magnitude(bound, self._frequency_hz))
         self._step_s = loop.sample_period_s or 1.0 / float(
