@@ -279,7 +279,8 @@ def initial_state(
     """
     due = 1.0 if parameters.bumpless_start else 0.0
     return ControllerState(
-        vector([0.0, 0.0, due, 0.0, 0.0, 0.0]), vector([0.0] * (parameters.measurement_delay_samples + 1)),
+        vector([0.0, 0.0, due, 0.0, 0.0, 0.0]),
+        vector([0.0] * (parameters.measurement_delay_samples + 1)),
         vector([0.0] * (parameters.reference_delay_samples + 1)))
 
 

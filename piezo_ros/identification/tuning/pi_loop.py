@@ -19,8 +19,8 @@ A linear plant under PI control: its frequency responses and its closed loop.
     S = 1/(1 + L), (16),   T = L/(1 + L)
 
 In a sampled loop K uses the backward rectangle rule, as the step of the controller does, G stands
-behind a zero-order hold, and the measurement is d samples old. A lead section (1 + s/wz)/(1 + s/wp),
-sampled as in the controller, may stand before K.
+behind a zero-order hold, and the measurement is d samples old. A lead section may stand before K,
+(1 + s/wz)/(1 + s/wp), sampled as in the controller.
 """
 
 import math
@@ -30,7 +30,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from piezo_ros.control.controller import lead_coefficients
+from piezo_ros.control.controller import ControllerParameters, lead_coefficients
 from piezo_ros.identification.tuning.linear_plant import LinearPlant, Model, SampledPlant
 from piezo_ros.model.state_space import StateSpace, discretise_zero_order_hold
 
@@ -59,6 +59,13 @@ class Lead(NamedTuple):
 
     zero_hz: float
     pole_hz: float
+
+    @classmethod
+    def of(cls, parameters: ControllerParameters) -> 'Lead | None':
+        """Return the lead of a controller, None without one."""
+        if not parameters.lead_zero_hz:
+            return None
+        return cls(parameters.lead_zero_hz, parameters.lead_pole_hz)
 
     def response(
         self, frequency_hz: _Floats, sample_period_s: float | None,
