@@ -78,7 +78,8 @@ class WaveformParameters(ParameterSet):
         'triangle', '', 'shape of the desired displacement', choices=WAVEFORMS)
     file: str = parameter(
         '', '', 'CSV or NPZ file of the waveform file: reference_um, and command_um, which the '
-        'scheme ff sends; what is repeated is played for periods / frequency_hz')
+        'scheme ff sends; what is repeated is played for periods / frequency_hz',
+        change='running')
     amplitude_um: float = parameter(
         1.0, 'um', 'peak amplitude around the operating point', minimum=0.0, maximum=1e4)
     output: str = parameter(

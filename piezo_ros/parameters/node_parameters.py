@@ -37,6 +37,7 @@ __all__ = [
     'BareParameters',
     'BlockParameters',
     'DemandParameters',
+    'FileChangeParameters',
     'HistoryParameters',
     'LoopNodeParameters',
     'PaceParameters',
@@ -153,6 +154,16 @@ class BlockParameters(ParameterSet):
 
 
 @dataclass(frozen=True, kw_only=True)
+class FileChangeParameters(ParameterSet):
+    """When another file is played that is set during a run."""
+
+    apply_at_sample: int = parameter(
+        -1, '', 'sample from which a file is played that the same atomic call sets during a run; '
+        '-1: where it is nearest to the present one in the next repetition; holds for that call '
+        'alone', minimum=-1, maximum=2**53, change='running')
+
+
+@dataclass(frozen=True, kw_only=True)
 class RecorderParameters(ParameterSet):
     """Where and what to record."""
 
@@ -197,7 +208,8 @@ NODE_PARAMETERS: Final[Mapping[str, tuple[type[ParameterSet], ...]]] = {
     'plant': (
         RigParameters, SafetyParameters, PaceParameters, HistoryParameters, BareParameters,
         LoopNodeParameters),
-    'trajectory': (TrajectoryParameters, BlockParameters, LoopNodeParameters),
+    'trajectory': (
+        TrajectoryParameters, FileChangeParameters, BlockParameters, LoopNodeParameters),
 }
 # The nodes of the control loop: all of them but the recorder.
 LOOP_NODES: Final = ('compensator', 'controller', 'plant', 'trajectory')

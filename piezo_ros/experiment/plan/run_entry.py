@@ -20,6 +20,7 @@ from typing import Any, Final
 
 from piezo_ros.control.changes import changes_text, segments
 from piezo_ros.control.tables.motion_table import MotionTable, MotionTableError
+from piezo_ros.control.trajectory_blocks import ChangingTable
 from piezo_ros.control.waveform import EXCITATIONS, FILE, motion_of
 from piezo_ros.experiment.plan.automatic import (
     Known,
@@ -52,6 +53,7 @@ SHORT_KEYS: Final = {
     'settle_s': 'trajectory',
 }
 _CHANGES: Final = 'changes'
+_FILE: Final = 'file'  # of a change: that of the trajectory
 # Every key that the entry of a run may have.
 RUN_KEYS: Final = (*SHORT_KEYS, *LOOP_NODES, _CHANGES)
 
@@ -96,7 +98,10 @@ def plan_run(
         if key in SHORT_KEYS:
             values[SHORT_KEYS[key]][key] = value
     if _CHANGES in entry:
-        values['controller'][_CHANGES] = _changes(where, entry[_CHANGES])
+        gains, files = _changes(where, entry[_CHANGES])
+        values['controller'][_CHANGES] = gains
+        if files:
+            values['trajectory']['file_changes'] = files
     undecided = take_out_automatic(values)
     parameters = {node: checked_parameters(where, node, values[node]) for node in LOOP_NODES}
     periods = {node: parameters[node]['sample_period_s'] for node in LOOP_NODES}
@@ -113,13 +118,15 @@ def plan_run(
     return run if name else replace(run, name=_name(run, number))
 
 
-def _changes(where: str, entries: Any) -> str:
-    """Return the changes of a run as the parameter of the controller wants them."""
+def _changes(where: str, entries: Any) -> tuple[str, str]:
+    """Return the changes of a run as the parameters of controller and trajectory want them."""
     if not isinstance(entries, list) or not all(isinstance(each, Mapping) for each in entries):
         raise PlanError(
             f'{where}: changes is {entries!r}, it must be a list of mappings, each with at_sample')
     try:
-        return changes_text(entries)
+        return (
+            changes_text(each for each in entries if _FILE not in each),
+            changes_text(each for each in entries if _FILE in each))
     except TypeError as error:
         raise PlanError(f'{where}: changes is {entries!r}: {error}') from None
 
@@ -173,21 +180,25 @@ def _check_motion(where: str, run: PlannedRun) -> None:
     """Refuse a motion out of a file that the stage cannot make."""
     trajectory, plant = run.trajectory, run.plant
     try:
-        motion = motion_of(trajectory)
-        if not 0.0 < motion.greatest_um <= plant.reach_um:
-            raise MotionTableError(
-                f'{trajectory.file}: it reaches {motion.greatest_um:g} um, it must be above 0, and '
-                f'the stage travels {plant.reach_um:g} um to either side of its operating point')
-        _check_commands(run, motion)
-        if plant.slew_limit_v_per_s:
-            # Where every element slips, the stage moves farthest for a volt.
-            motion.check_steps(
-                plant.slew_limit_v_per_s * trajectory.sample_period_s * plant.kappa_um_per_v[-1])
+        for file in (trajectory.file, *(change.file for change in trajectory.table_changes)):
+            motion = motion_of(trajectory.replaced(file=file, file_changes=''))
+            if not 0.0 < motion.greatest_um <= plant.reach_um:
+                raise MotionTableError(
+                    f'{file}: it reaches {motion.greatest_um:g} um, it must be above 0, and the '
+                    f'stage travels {plant.reach_um:g} um to either side of its operating point')
+            _check_commands(run, motion, file)
+            if plant.slew_limit_v_per_s:
+                # Where every element slips, the stage moves farthest for a volt.
+                motion.check_steps(
+                    plant.slew_limit_v_per_s * trajectory.sample_period_s
+                    * plant.kappa_um_per_v[-1])
+        if trajectory.file_changes:
+            ChangingTable(trajectory)  # refuses what cannot follow
     except ParameterError as error:
         raise PlanError(f'{where}: {error}') from None
 
 
-def _check_commands(run: PlannedRun, motion: MotionTable) -> None:
+def _check_commands(run: PlannedRun, motion: MotionTable, file: str) -> None:
     """Refuse commands of a motion that the controller would cut off."""
     law = run.controller
     if motion.command_um is None or not law.uses_feedforward:
@@ -197,7 +208,7 @@ def _check_commands(run: PlannedRun, motion: MotionTable) -> None:
             (float(motion.command_um.min()), motion.command_um.min() < law.command_minimum_um)):
         if bad:
             raise MotionTableError(
-                f'{run.trajectory.file}: command_um is {value_um:g} um, the controller allows '
+                f'{file}: command_um is {value_um:g} um, the controller allows '
                 f'{law.command_minimum_um:g} … {law.command_maximum_um:g} um '
                 '(command_minimum_um, command_maximum_um)')
 
