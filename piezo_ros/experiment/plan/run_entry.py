@@ -54,6 +54,7 @@ SHORT_KEYS: Final = {
 }
 _CHANGES: Final = 'changes'
 _FILE: Final = 'file'  # of a change: that of the trajectory
+_BESIDE_FEEDBACK: Final = 2.0  # largest step of a table, over what the amplifier can
 # Every key that the entry of a run may have.
 RUN_KEYS: Final = (*SHORT_KEYS, *LOOP_NODES, _CHANGES)
 
@@ -188,9 +189,11 @@ def _check_motion(where: str, run: PlannedRun) -> None:
                     f'stage travels {plant.reach_um:g} um to either side of its operating point')
             _check_commands(run, motion, file)
             if plant.slew_limit_v_per_s:
-                # Where every element slips, the stage moves farthest for a volt.
+                # Where every element slips, the stage moves farthest for a volt. A table that is
+                # played beside feedback has what this takes away again.
+                share = _BESIDE_FEEDBACK if run.controller.uses_feedback else 1.0
                 motion.check_steps(
-                    plant.slew_limit_v_per_s * trajectory.sample_period_s
+                    share * plant.slew_limit_v_per_s * trajectory.sample_period_s
                     * plant.kappa_um_per_v[-1])
         if trajectory.file_changes:
             ChangingTable(trajectory)  # refuses what cannot follow

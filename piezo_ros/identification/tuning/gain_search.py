@@ -41,7 +41,7 @@ _SHARES: Final = np.geomspace(1e-2, 1.0, 13)  # of the largest gain along a ray
 _LARGEST_GAIN: Final = 1e3  # over the gain of the start; the search ends there
 _SMALLEST_GAIN: Final = 1e-6
 _BISECTIONS: Final = 24
-_INTEGRAL_SHARE: Final = 0.1  # least kI/kP over the frequency where |S| = 1
+_INTEGRAL_SHARE: Final = 0.3  # least kI/kP over the frequency where |S| = 1
 _LOG_TOLERANCE: Final = 1e-5
 
 _Complexes = NDArray[np.complex128]

@@ -19,7 +19,7 @@ The PI gains of least ITAE within limits of robustness, started by the crossover
     subject to |W T| < 1, (10),   |S| <= limit,   a stable loop with its delay
 
 or, as ``feedback_band``, maximise the frequency below which |S| < 1 within the same limits, kI/kP
-being a tenth of it (in rad/s) at least: without an integral, drift would stay.
+being 0.3 of it (in rad/s) at least: without an integral, drift and slow disturbances would stay.
 
 The limit on |S| holds on the model, on the measured points and on the band of the model, as far as
 these are given.
