@@ -22,7 +22,7 @@ from setuptools import find_packages, setup
 PACKAGE = 'piezo_ros'
 HERE = Path(__file__).resolve().parent
 NODES = ('plant', 'compensator', 'controller', 'trajectory', 'recorder', 'loop', 'stamped')
-EXECUTABLES = (*NODES, 'piezo')
+EXECUTABLES = (*NODES, 'learner', 'piezo')
 
 # What the extra [ros], and with it `make demo` where no ROS is sourced, brings.
 DEFAULT_DISTRIBUTION = 'jazzy'
@@ -161,6 +161,7 @@ setup(
     entry_points={
         'console_scripts': [
             *(f'{node} = {PACKAGE}.nodes.executables:{node}' for node in NODES),
+            f'learner = {PACKAGE}.cli.learner:learner',
             f'piezo = {PACKAGE}.cli.main:main',
         ],
     },

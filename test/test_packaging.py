@@ -29,7 +29,8 @@ import setuptools
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 EXECUTABLES = [
-    'plant', 'compensator', 'controller', 'trajectory', 'recorder', 'loop', 'stamped', 'piezo']
+    'plant', 'compensator', 'controller', 'trajectory', 'recorder', 'loop', 'stamped', 'learner',
+    'piezo']
 
 # Name in an import statement -> (name on PyPI, rosdep key).
 THIRD_PARTY = {

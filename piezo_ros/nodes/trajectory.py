@@ -127,6 +127,8 @@ class Trajectory(LoopNode):
         """Play another file from a sample on; return why not, '' if so."""
         if self._changing is None:
             return f'file is {file!r}: only the waveform file has a file that can change'
+        if self._changing.newest == (at_sample, file):
+            return ''  # asked for once more, for the answer was lost
         if 0 <= at_sample < self._index:
             return f'apply_at_sample is {at_sample}; the next sample is {self._index} already'
         try:

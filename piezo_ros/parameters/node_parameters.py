@@ -39,6 +39,8 @@ __all__ = [
     'DemandParameters',
     'FileChangeParameters',
     'HistoryParameters',
+    'JoiningNodeParameters',
+    'LearnerParameters',
     'LoopNodeParameters',
     'PaceParameters',
     'RecorderParameters',
@@ -199,9 +201,42 @@ class RecorderParameters(ParameterSet):
         return tuple(name.strip() for name in self.streams.split(','))
 
 
+@dataclass(frozen=True, kw_only=True)
+class JoiningNodeParameters(LoopNodeParameters):
+    """What a managed node has that may join a run at any sample."""
+
+    start_index: int = parameter(
+        -1, '', 'index of the first sample; -1 takes any: it may join a run that goes on',
+        minimum=-1, maximum=2**53)
+
+
+@dataclass(frozen=True, kw_only=True)
+class LearnerParameters(ParameterSet):
+    """What is learned of a running scan, and how long."""
+
+    scan: str = parameter(
+        '', '', 'the planned scan that the trajectory plays: what piezo plan or piezo learn wrote')
+    directory: str = parameter(
+        '', '', 'directory of the tables and of what came of them; must not exist; empty: named '
+        'after date and time')
+    runs: int = parameter(
+        5, '', 'how many tables are measured at most, that of the scan included', minimum=1,
+        maximum=1000)
+    settling_s: float = parameter(
+        0.02, 's', 'how long a table settles before it is measured, one repetition at least',
+        minimum=0.0, maximum=1e6)
+    from_copies: bool = parameter(
+        False, '', 'take recorded/<stream> in place of the streams themselves: hardly any load for '
+        'the loop; needs recorded_block_samples in the other nodes', change='configuration')
+    parameters_timeout_s: float = parameter(
+        10.0, 's', 'how long to wait for the parameters of trajectory and controller',
+        minimum=0.0, maximum=1e6)
+
+
 # Node -> its parameter sets, the model's first. Also the order of bring-up: readers before writers.
 NODE_PARAMETERS: Final[Mapping[str, tuple[type[ParameterSet], ...]]] = {
     'recorder': (RecorderParameters, LoopNodeParameters),
+    'learner': (LearnerParameters, JoiningNodeParameters),
     'compensator': (HysteresisParameters, LoopNodeParameters),
     'controller': (
         ControllerParameters, ChangeParameters, DemandParameters, LoopNodeParameters),
@@ -211,7 +246,7 @@ NODE_PARAMETERS: Final[Mapping[str, tuple[type[ParameterSet], ...]]] = {
     'trajectory': (
         TrajectoryParameters, FileChangeParameters, BlockParameters, LoopNodeParameters),
 }
-# The nodes of the control loop: all of them but the recorder.
+# The nodes of the control loop: all of them but recorder and learner.
 LOOP_NODES: Final = ('compensator', 'controller', 'plant', 'trajectory')
 
 
