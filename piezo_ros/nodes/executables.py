@@ -28,7 +28,7 @@ from piezo_ros.runtime.process.parent import PARENT_VARIABLE
 
 if TYPE_CHECKING:
     from piezo_ros.control import ControlLaw
-    from piezo_ros.nodes.learner import MakeLearning
+    from piezo_ros.nodes.learner_parts.learning import MakeLearning
 
 __all__ = [
     'compensator',
@@ -73,7 +73,7 @@ def run_learner(make_learning: 'MakeLearning') -> int:
     Parameters
     ----------
     make_learning : callable
-        Makes what learns, see `piezo_ros.nodes.learner`.
+        Makes what learns, see `piezo_ros.nodes.learner_parts.learning`.
 
     Returns
     -------

@@ -14,16 +14,15 @@
 
 """The learner: a planned scan improved while it runs, by other tables for the trajectory."""
 
-from collections.abc import Callable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
 from rclpy.parameter_client import AsyncParameterClient
 
-from piezo_ros.control.tables.table_changes import TableChange
+from piezo_ros.nodes.learner_parts.hand_over import HandOver
+from piezo_ros.nodes.learner_parts.learning import Learning, MakeLearning
+from piezo_ros.nodes.learner_parts.paired_samples import PairedSamples
 from piezo_ros.nodes.learner_parts.scan_peers import ScanPeers
 from piezo_ros.nodes.recorder_parts.bag_directories import BagDirectories
 from piezo_ros.parameters.errors import failure_text
@@ -34,55 +33,9 @@ from piezo_ros.runtime.process.running_time import RunningTime
 from piezo_ros.runtime.streams.fault import StreamFault
 from piezo_ros.runtime.streams.stream_copy import copy_topic
 
-__all__ = ['Learner', 'Learning', 'MakeLearning']
+__all__ = ['Learner']
 
 _AT_ONCE = 64  # blocks of one stream before the next one's turn
-_FIRST_MARGIN = 2000  # samples between the newest reference and a change
-_MOST_MARGIN = 2**22
-
-_Floats = NDArray[np.float64]
-
-
-class Learning(Protocol):
-    """What the node needs of the mathematics; see `RunningLearning`."""
-
-    wanted_file: str
-    why_done: str
-
-    @property
-    def is_done(self) -> bool:
-        """Whether nothing follows the table in use."""
-
-    @property
-    def is_measured(self) -> bool:
-        """Whether the table in use can be improved."""
-
-    def take(self, index: int, reference_um: _Floats, displacement_um: _Floats) -> None:
-        """Take the next samples of the run."""
-
-    def improve(self) -> None:
-        """Learn from what was measured, and write the next table."""
-
-    def change_from(self, earliest: int) -> TableChange:
-        """Return the change to the table that shall follow, at a sample or soon after it."""
-
-    def accept(self, change: TableChange) -> None:
-        """Take note that the trajectory plays the table."""
-
-    def refuse(self, reason: str) -> None:
-        """Take note that the trajectory keeps its table."""
-
-    def end(self) -> None:
-        """Take note that the run has ended."""
-
-    def status(self) -> dict[str, Any]:
-        """Return what came of it so far."""
-
-
-# Settings, output directory, parameters of trajectory and controller -> what learns.
-MakeLearning = Callable[
-    [LearnerParameters, Path, Mapping[str, Any], Mapping[str, Any]], Learning]
-
 
 class Learner(LoopNode):
     """
@@ -123,12 +76,10 @@ class Learner(LoopNode):
         self._peers = ScanPeers(self, self._client)
         self._waited = RunningTime()
         self._learning = None
-        self._waiting: dict[str, list[tuple[int, _Floats]]] = {
-            stream: [] for stream in self.inputs}
+        self._paired = PairedSamples()
+        self._hand_over = HandOver(self._peers, self.get_logger().info)
         self._pool = ThreadPoolExecutor(1)
         self._improving: Future[None] | None = None
-        self._asked: TableChange | None = None
-        self._margin = _FIRST_MARGIN
 
     def _client(self, name: str) -> AsyncParameterClient:
         """Return the client of a node's parameters; one for all runs, rclpy cannot give it back."""
@@ -146,13 +97,15 @@ class Learner(LoopNode):
                     break
                 progress = True
                 if samples.size:
-                    self._waiting[stream].append((reader.next_index - samples.size, samples))
+                    self._paired.add(
+                        self.inputs.index(stream), reader.next_index - samples.size, samples)
         learning = self._learning or self._begin_learning()
         if learning is not None:
             try:
-                self._feed(learning)
+                for pair in self._paired.take():
+                    learning.take(*pair)
                 self._improve(learning)
-                self._hand_over(learning)
+                self._hand_over_table(learning)
             except (ValueError, OSError) as error:
                 raise StreamFault(failure_text(error)) from None
         if not progress and all(reader.ended for reader in self.readers.values()):
@@ -184,26 +137,6 @@ class Learner(LoopNode):
             f'{" and ".join(self._peers.missing)} did not tell their parameters within '
             f'{self._own.parameters_timeout_s:g} s (parameters_timeout_s)')
 
-    def _feed(self, learning: Learning) -> None:
-        """Hand over the samples that both streams have."""
-        reference, displacement = (self._waiting[stream] for stream in self.inputs)
-        while reference and displacement:
-            first = max(reference[0][0], displacement[0][0])
-            count = min(start + part.size for start, part in (
-                reference[0], displacement[0])) - first
-            parts = []
-            for waiting in (reference, displacement):
-                start, part = waiting[0]
-                at = first - start
-                parts.append(part[at:at + max(count, 0)])
-                rest = part[at + max(count, 0):]
-                if rest.size:
-                    waiting[0] = (start + part.size - rest.size, rest)
-                else:
-                    waiting.pop(0)
-            if count > 0:
-                learning.take(first, *parts)
-
     def _improve(self, learning: Learning) -> None:
         """Let a thread improve what is measured: the streams must not wait for it."""
         if self._improving is not None:
@@ -215,34 +148,13 @@ class Learner(LoopNode):
         elif learning.is_measured:
             self._improving = self._pool.submit(learning.improve)
 
-    def _hand_over(self, learning: Learning) -> None:
-        """Ask the trajectory to play the table that shall follow, and take its answer."""
-        if self._improving is not None or not learning.wanted_file:
-            return
-        reference = self.readers['reference']
-        if self._asked is None:
-            if reference.ended:
-                learning.end()
-                return
-            self._peers.forget_change()
-            self._asked = learning.change_from(reference.next_index + self._margin)
-        if self._peers.refusal is None:
-            if reference.ended:
-                self._asked = None
-                learning.end()
-            else:
-                self._peers.change_file(self._asked)
-            return
-        change, self._asked = self._asked, None
-        if not self._peers.refusal:
-            learning.accept(change)
-            self.get_logger().info(f'from sample {change.at_sample} on: {change.file}')
-        elif 'already' in self._peers.refusal and self._margin < _MOST_MARGIN:
-            self._margin *= 2  # the sample was over
-        else:
-            self.get_logger().warning(f'{change.file} was refused: {self._peers.refusal}')
-            learning.refuse(self._peers.refusal)
-        self._tell(learning)
+    def _hand_over_table(self, learning: Learning) -> None:
+        """Let the trajectory play the table that shall follow, if there is one."""
+        if self._improving is None and learning.wanted_file:
+            reference = self.readers['reference']
+            if self._hand_over.advance(
+                    learning, reference.next_index, has_ended=reference.ended):
+                self.status.report()
 
     def _tell(self, learning: Learning) -> None:
         status = learning.status()

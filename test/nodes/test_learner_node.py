@@ -30,6 +30,7 @@ from piezo_ros.control.tables.motion_table import MotionTable, write_motion_tabl
 from piezo_ros.nodes import learner
 from piezo_ros.nodes.compensator import Compensator
 from piezo_ros.nodes.controller import Controller
+from piezo_ros.nodes.learner_parts import hand_over
 from piezo_ros.nodes.plant import Plant
 from piezo_ros.nodes.trajectory import Trajectory
 from piezo_ros.parameters.parameter_file import read_parameter_set
@@ -108,7 +109,7 @@ def ring(tmp_path, monkeypatch):
         peers = Peers(nodes, answer)
         monkeypatch.setattr(learner, 'ScanPeers', lambda node, make_client: peers)
         monkeypatch.setattr(learner, 'ThreadPoolExecutor', InlinePool)
-        monkeypatch.setattr(learner, '_FIRST_MARGIN', 300)
+        monkeypatch.setattr(hand_over, 'FIRST_MARGIN', 300)
         readers = {stream: transport.reader(stream) for stream in STREAMS}
         configure(*nodes)
         for reader in readers.values():

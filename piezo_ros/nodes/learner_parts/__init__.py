@@ -12,4 +12,4 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The parts of the recorder node, one subject each."""
+"""The parts of the learner node, one subject each."""
