@@ -16,8 +16,8 @@
 A planned scan beside feedback: how it is learned, and with which command it is played.
 
 Under the scheme ff nothing is to be added. Under fbff feedback takes its part of every change of
-the command, which learning must know; and where the amplifier is at a limit, feedback compares with
-the planned output in place of the reference, which it cannot reach.
+the command, which learning must know. Where the amplifier is at a limit, or the scan turns freely,
+the stage does not reach the reference: feedback then compares with the planned output.
 """
 
 import math
@@ -81,7 +81,7 @@ class ScanBesideFeedback:
         self.compares_with_plan = False
         if law.scheme != 'ff':
             check_aligned(law)
-            self.compares_with_plan = plan.limit_use > _BINDS
+            self.compares_with_plan = plan.limit_use > _BINDS or request.free_turn > 0.0
             self._sensitivity = periodic_sensitivity(stage, law, request.sample_period_s)
         # With its own output as the reference, all of a change of the plan comes through.
         self.learner = Learner(

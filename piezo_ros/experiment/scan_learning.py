@@ -126,6 +126,8 @@ class ScanLearning:
         ------
         BagError
             If a bag of a finished run cannot be read.
+        CampaignError
+            If the runs were under another scheme.
 
         """
         try:
@@ -133,6 +135,11 @@ class ScanLearning:
             names = [str(run['name']) for run in record['runs']]
         except (OSError, ValueError, KeyError, TypeError):
             return 0
+        scheme = record.get('scheme', 'ff')
+        if scheme != self._scheme:
+            raise CampaignError(
+                f'{self.directory / RECORD}: its runs are under the scheme {scheme}, not '
+                f'{self._scheme}')
         for name in names:
             self._take(name, self.learner.propose())
         return len(names)
@@ -212,6 +219,6 @@ class ScanLearning:
             (self.directory / _BEST).with_suffix(MOTION_SUFFIX),
             self._scan.motion(self.learner.best))
         write_atomically(self.directory / RECORD, json.dumps({
-            'format_version': _FORMAT_VERSION, 'is_done': self.is_done,
+            'format_version': _FORMAT_VERSION, 'scheme': self._scheme, 'is_done': self.is_done,
             'certificate_gamma': self.learner.plan.certificate.gamma,
             'runs': [asdict(run) for run in self.runs]}, indent=2) + '\n')

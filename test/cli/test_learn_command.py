@@ -132,3 +132,5 @@ def test_learning_beside_feedback_needs_delays_that_agree(scan, capsys):
     assert learn('--scheme', 'fbff', '--parameters', 'feedback.yaml', '--runs', '3') == 0
     percent = errors()
     assert min(percent) < 0.16
+    assert learn('--resume') == 1
+    assert 'its runs are under the scheme fbff, not ff' in capsys.readouterr().err
