@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""``piezo learn``: a planned scan improved by runs of the stage, under the scheme ff."""
+"""``piezo learn``: a planned scan improved by runs of the stage."""
 
 import argparse
 import sys
@@ -38,6 +38,7 @@ _EXAMPLES: Final = """\
 examples:
   piezo learn scan.yaml --parameters rig.yaml -o learned
   piezo learn scan.yaml --parameters rig.yaml -o learned --offline
+  piezo learn scan.yaml --parameters rig.yaml --parameters feedback.yaml --scheme fbff -o learned
   piezo learn scan.yaml --parameters rig.yaml -o learned --resume --runs 10
 """
 
@@ -52,6 +53,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         'several times')
     parser.add_argument(
         '--runs', type=int, default=5, metavar='N', help='at most (default: 5)')
+    parser.add_argument(
+        '--scheme', choices=('ff', 'fbff'), default='ff',
+        help='fbff: beside feedback; reference_delay_samples of the controller must equal '
+        'measurement_delay_samples (default: ff)')
     parser.add_argument(
         '--offline', action='store_true', help='simulate the runs, without ROS')
     parser.add_argument(
@@ -79,9 +84,9 @@ def _learn(options: argparse.Namespace) -> int:
     try:
         if not options.offline:
             check_ros('')
+        learning = ScanLearning(request, plan, options.output, base, scheme=options.scheme)
         if not (options.resume and options.output.is_dir()):
             prepare_directory(options.output, force=options.force)
-        learning = ScanLearning(request, plan, options.output, base)
         if options.resume and (done := learning.resume()):
             print(f'{done} runs are there already')
         with _engine(options) as run:

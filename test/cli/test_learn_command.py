@@ -120,3 +120,17 @@ def test_live_runs_have_the_bits_of_the_offline_ones(scan):
     assert learn('--runs', '2', '--composed', directory='live', offline=False) == 0
     for name in ('best.npz', 'learning.json'):
         assert (Path('live') / name).read_bytes() == (Path('offline') / name).read_bytes()
+
+
+def test_learning_beside_feedback_needs_delays_that_agree(scan, capsys):
+    assert learn('--scheme', 'fbff') == 1
+    assert 'reference_delay_samples is 0, beside a planned scan it must equal' in (
+        capsys.readouterr().err)
+    assert not Path('learned').exists()
+    Path('feedback.yaml').write_text(parameters_yaml(
+        '/**', {'controller': {'reference_delay_samples': 1}}))
+    assert learn('--scheme', 'fbff', '--parameters', 'feedback.yaml', '--runs', '3') == 0
+    percent = errors()
+    assert min(percent) < 0.16
+    assert learn('--resume') == 1
+    assert 'its runs are under the scheme fbff, not ff' in capsys.readouterr().err

@@ -62,6 +62,7 @@ from piezo_ros.identification.tuning.feedback_table import (
 )
 from piezo_ros.identification.tuning.linear_plant import Bound, Model
 from piezo_ros.identification.tuning.loop_shape import LoopShape, loop_shape
+from piezo_ros.identification.tuning.pi_loop import Lead
 from piezo_ros.model import HysteresisParameters, LinearDynamics, RigParameters
 
 __all__ = [
@@ -245,7 +246,8 @@ def predict_operating_point(
     loop = loop_shape(
         dynamics, controller.proportional_gain, controller.integral_gain_per_s,
         sample_period_s=trajectory.sample_period_s,
-        measurement_delay_samples=controller.measurement_delay_samples)
+        measurement_delay_samples=controller.measurement_delay_samples,
+        lead=Lead.of(controller))
     choices: dict[str, HarmonicsChoice] = {}
     predictions: dict[str, TrackingPrediction] = {}
     for scheme in _CANDIDATES if loop.stable else ('ff',):

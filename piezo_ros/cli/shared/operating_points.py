@@ -65,9 +65,12 @@ def predicted_points(
                 if getattr(options, name) is not None})
     if not place_is_told(read_parameter_file(options.model, ['trajectory'])['trajectory']):
         scan = likely_place(scan)
+    lead = tuning.after.loop.lead
     controller = ControllerParameters(
         proportional_gain=tuning.proportional_gain,
         integral_gain_per_s=tuning.integral_gain_per_s,
+        lead_zero_hz=lead.zero_hz if lead else 0.0,
+        lead_pole_hz=lead.pole_hz if lead else 0.0,
         measurement_delay_samples=options.measurement_delay_samples,
         command_minimum_um=-plant.reach_um, command_maximum_um=plant.reach_um)
     amplitudes_um = options.amplitudes_um or [
