@@ -101,6 +101,8 @@ class ScanLearning:
     ----------
     runs : list of LearnedRun
         What came of the runs so far.
+    plans : list of PeriodicPlan
+        What was played in each.
 
     """
 
@@ -112,6 +114,7 @@ class ScanLearning:
         self.directory = directory
         self.learner = Learner(stage_of(request), plan)
         self.runs: list[LearnedRun] = []
+        self.plans: list[PeriodicPlan] = []
         self._base = base
         periods = plan.reference_um.size * request.frequency_hz * request.sample_period_s
         self._repetitions = math.ceil(_LEAST_PERIODS / periods - 1e-6)
@@ -170,10 +173,13 @@ class ScanLearning:
         return learned
 
     def _planned(self, motion: Path, samples: int) -> PlannedRun:
-        request = self.request
+        request, number = self.request, len(self.runs)
         nodes = {
             node: {**values, 'sample_period_s': request.sample_period_s}
             for node, values in self._base.items()}
+        # The noise of a simulated stage is another one in every run: else it would be learned.
+        seed = nodes['plant'].get('seed', RigParameters().seed)
+        nodes['plant']['seed'] = int(seed) + number
         nodes['compensator'] |= request.hysteresis.to_mapping()
         # Unless they are told, the limits of the command are those of the stage.
         reach_um = RigParameters.among(nodes['plant']).reach_um
@@ -184,7 +190,6 @@ class ScanLearning:
             'waveform': 'file', 'file': str(motion.resolve()), 'harmonics': 0,
             'amplitude_um': request.amplitude_um, 'frequency_hz': request.frequency_hz,
             'periods': samples * request.frequency_hz * request.sample_period_s}
-        number = len(self.runs)
         return plan_run(
             nodes, {'scheme': 'ff'}, where=f'learning, run {number}', number=number)
 
@@ -205,6 +210,7 @@ class ScanLearning:
             predicted_percent=plan.weighted_nrmse_percent,
             is_best=self.learner.best_rms_um == measured.rms_um < before_um)
         self.runs.append(learned)
+        self.plans.append(plan)
         return learned
 
     def _percent(self, measured: Measured) -> tuple[float, float]:

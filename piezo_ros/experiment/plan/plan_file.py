@@ -40,7 +40,7 @@ _PLAN_KEYS: Final = (
     'format_version', 'title', 'parameter_files', 'known_rig_files', 'uncertainty_bound_file',
     'sample_period_s', 'score_periods', 'runs', 'study', 'sweep')
 _KEYS_OF_RUNS: Final = ('runs', 'known_rig_files', 'uncertainty_bound_file', 'sweep')
-STUDIES: Final = ('paper',)
+STUDIES: Final = ('paper', 'beyond')
 # A sweep draws more of them, and keeps none in memory.
 _MOST_RUNS: Final = 10_000
 _LONGEST_TITLE: Final = 500
