@@ -28,7 +28,8 @@ of the linear dynamics, J_true = J (I + D), and by which elements slip when. The
 
 over the model's slopes J_n at voltages about the plan, at which other elements slip: the plays are
 homogeneous, so that 5 % of the voltage are 5 % of the saturations. sigma is the smallest singular
-value of the weighted slope. gamma < 1 accepts a plan; it is no rate.
+value of the weighted slope. gamma < 1 accepts a plan; it is no rate, and no proof either: a stage
+may slip as it does at none of these voltages.
 """
 
 from collections.abc import Sequence

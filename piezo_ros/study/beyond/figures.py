@@ -18,19 +18,20 @@ from collections.abc import Sequence
 from typing import Any, Final
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from piezo_ros.report.figures.panels import add_head, panel_grid, percent_axis
-from piezo_ros.report.figures.style import FAINT, INK, SERIES, figure_style
+from piezo_ros.report.figures.panels import WIDTH_IN, panel_grid, percent_axis
+from piezo_ros.report.figures.style import FAINT, INK, SCHEME_COLOURS, SERIES, figure_style
 from piezo_ros.study.beyond.results import CellResult
 
 __all__ = ['bars_figure', 'certificate_figure', 'learning_figure', 'prediction_figure']
 
 _COLOURS: Final = {
     'as published': FAINT, 're-identified': SERIES[4], 'planned': SERIES[0],
-    'learned': '#009e73'}
+    'learned': SCHEME_COLOURS['fbff']}
 _PAPER_MARK: Final[Any] = {
     'linestyle': 'none', 'marker': 'o', 'markersize': 5.5, 'markerfacecolor': 'none',
     'markeredgecolor': INK}
@@ -38,6 +39,19 @@ _BEST_MARK: Final[Any] = {
     'linestyle': 'none', 'marker': '_', 'markersize': 9.0, 'markeredgecolor': INK,
     'markeredgewidth': 1.5}
 _GROUP: Final = 0.84  # of the distance between groups of bars
+
+
+def _finish(figure: Figure, handles: list[Artist]) -> None:
+    """Put a compact legend above the panels, and make room for percentages below 0.1."""
+    width_in, height_in = figure.get_size_inches()
+    wide = width_in >= WIDTH_IN
+    figure.legend(
+        handles=handles, loc='upper left', ncol=len(handles) if wide else 3, borderpad=0,
+        borderaxespad=0.4, bbox_to_anchor=(0.5 / width_in, 1.0), handlelength=1.3,
+        handletextpad=0.5, columnspacing=1.2, fontsize=8.5)
+    for panel in figure.axes:
+        panel.yaxis.labelpad = 0.5
+        panel.tick_params(labelsize=8.5, pad=2)
 
 
 def _by_amplitude(cells: Sequence[CellResult]) -> dict[float, list[CellResult]]:
@@ -81,11 +95,11 @@ def bars_figure(cells: Sequence[CellResult]) -> Figure:
             panel.set_title(f'{amplitude_um:g} µm', loc='left', fontsize=9.5, pad=3)
         percent_axis(panels[0])
         panels[0].set_ylim(bottom=0.02)
-        add_head(figure, [
+        _finish(figure, [
             *(Patch(color=colour, linewidth=0, label=label)
               for label, colour in _COLOURS.items()),
             Line2D([], [], label='paper', **_PAPER_MARK),
-            Line2D([], [], label='best known (true)', **_BEST_MARK)])
+            Line2D([], [], label='best known, true', **_BEST_MARK)])
     return figure
 
 
@@ -117,7 +131,7 @@ def learning_figure(cells: Sequence[CellResult]) -> Figure:
             panel.set_xticks(range(max(len(cell.scan.runs) for cell in row)))
             panel.set_title(f'{amplitude_um:g} µm', loc='left', fontsize=9.5, pad=3)
         percent_axis(panels[0])
-        add_head(figure, [
+        _finish(figure, [
             *(Line2D([], [], color=colour, marker='o', markersize=3.0, label=f'{f:g} Hz')
               for f, colour in colours.items()),
             Line2D([], [], color=INK, linewidth=0.8, linestyle='dotted', label='best known')])
@@ -150,7 +164,7 @@ def prediction_figure(cells: Sequence[CellResult]) -> Figure:
         panel.plot([least, largest], [least, largest], color=INK, linewidth=0.8)
         for which in ('x', 'y'):
             percent_axis(panel, which)
-        add_head(figure, [
+        _finish(figure, [
             Line2D([], [], color=colour, linestyle='none', marker='o', markersize=4.0,
                    label=f'{amplitude_um:g} µm')
             for amplitude_um, colour in zip(rows, SERIES, strict=False)])
@@ -177,8 +191,8 @@ def certificate_figure(cells: Sequence[CellResult]) -> Figure:
             panel.plot(frequency_hz, [cell.scan.true_gamma for cell in row], color=colour,
                        linestyle='none', marker='x', markersize=4.5)
         panel.axhline(1.0, color=INK, linewidth=0.8, linestyle='dashed')
-        panel.set_ylim(0.0, 1.08)
-        add_head(figure, [
+        panel.set_ylim(bottom=0.0)
+        _finish(figure, [
             *(Line2D([], [], color=colour, marker='o', markersize=4.0,
                      label=f'{amplitude_um:g} µm')
               for amplitude_um, colour in zip(rows, SERIES, strict=False)),

@@ -176,10 +176,10 @@ def _certificate_section(results: BeyondResults) -> Section:
         cell.scan.true_gamma <= cell.scan.plan.certificate.gamma for cell in results.cells)
     return Section('certificate', 'Is learning certain to help?', [
         Paragraph(
-            'gamma bounds by how much a step of the model brings the voltage nearer to the best '
-            'one: below 1 it is certain to. It is computed before the first run, from the '
-            'regularisation, from elements that may slip at other times than in the model, and '
-            'from W. The crosses are what the true slope of the simulated stage gives; in '
+            'gamma is what a step of the model leaves of the distance to the best voltage, at most: '
+            'below 1 it comes nearer. It is computed before the first run, from the '
+            'regularisation, from elements that slip at other times at voltages about the plan, '
+            'and from W. It is no proof: the crosses are what the true slope of the simulated stage gives; in '
             f'{below} of {len(results.cells)} conditions they are below the certificate.'),
         Picture('certificate', 'gamma before the first run; crosses: with the true slope.',
                 lambda: certificate_figure(results.cells))])
