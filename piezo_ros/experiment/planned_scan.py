@@ -51,8 +51,22 @@ FORMAT_VERSION: Final = 1
 MOTION_SUFFIX: Final = '.npz'
 
 
-def motion_of(request: ScanRequest, plan: PeriodicPlan) -> MotionTable:
-    """Return the motion of a plan: its soft start, one repetition to settle, and one to repeat."""
+def motion_of(
+    request: ScanRequest, plan: PeriodicPlan, compensator: HysteresisParameters | None = None,
+) -> MotionTable:
+    """
+    Return the motion of a plan: its soft start, one repetition to settle, and one to repeat.
+
+    Parameters
+    ----------
+    request : ScanRequest
+        What was wanted.
+    plan : PeriodicPlan
+        The plan.
+    compensator : HysteresisParameters, optional
+        What the compensator inverts; that of the plan by default.
+
+    """
     samples = plan.reference_um.size
     ramp = math.ceil(
         (request.ramp_periods + 1.0) / (request.frequency_hz * request.sample_period_s))
@@ -60,7 +74,7 @@ def motion_of(request: ScanRequest, plan: PeriodicPlan) -> MotionTable:
     count = first + samples
     return MotionTable(
         np.resize(plan.reference_um, count) * plan.soft_start(count, request.ramp_periods),
-        plan.command_um(count, request.hysteresis, request.ramp_periods),
+        plan.command_um(count, compensator or request.hysteresis, request.ramp_periods),
         request.sample_period_s, repeat_from=first)
 
 

@@ -207,11 +207,11 @@ class BeyondExperiments:
         paper = published_errors(cells).min(axis=1)
         return tuple(
             CellResult(
-                *cell, *map(float, errors),
-                scan=self.learned_scan(
-                    self.request(*cell), _place('learned', *cell), _RUNS),
-                best_known_percent=best_known.get(cell, float('nan')))
-            for cell, *errors in zip(cells, paper, published, identified, strict=True))
+                cell[0], cell[1], paper_percent, published_percent, identified_percent,
+                self.learned_scan(self.request(*cell), _place('learned', *cell), _RUNS),
+                best_known.get(cell, float('nan')))
+            for cell, paper_percent, published_percent, identified_percent in zip(
+                cells, paper.tolist(), published.tolist(), identified.tolist(), strict=True))
 
     def robustness(
         self, amplitude_um: float, frequency_hz: float, cells: Sequence[CellResult],

@@ -43,7 +43,7 @@ _GROUP: Final = 0.84  # of the distance between groups of bars
 
 def _finish(figure: Figure, handles: list[Artist]) -> None:
     """Put a compact legend above the panels, and make room for percentages below 0.1."""
-    width_in, height_in = figure.get_size_inches()
+    width_in = float(figure.get_size_inches()[0])
     wide = width_in >= WIDTH_IN
     figure.legend(
         handles=handles, loc='upper left', ncol=len(handles) if wide else 3, borderpad=0,

@@ -176,10 +176,11 @@ def _certificate_section(results: BeyondResults) -> Section:
         cell.scan.true_gamma <= cell.scan.plan.certificate.gamma for cell in results.cells)
     return Section('certificate', 'Is learning certain to help?', [
         Paragraph(
-            'gamma is what a step of the model leaves of the distance to the best voltage, at most: '
-            'below 1 it comes nearer. It is computed before the first run, from the '
+            'gamma is what a step of the model leaves, at most, of the distance to the best '
+            'voltage: below 1 it comes nearer. It is computed before the first run, from the '
             'regularisation, from elements that slip at other times at voltages about the plan, '
-            'and from W. It is no proof: the crosses are what the true slope of the simulated stage gives; in '
+            'and from W. It is no proof: the crosses are what the true slope of the simulated '
+            'stage gives; in '
             f'{below} of {len(results.cells)} conditions they are below the certificate.'),
         Picture('certificate', 'gamma before the first run; crosses: with the true slope.',
                 lambda: certificate_figure(results.cells))])
