@@ -170,12 +170,12 @@ def _tell(request: 'ScanRequest', plan: 'PeriodicPlan') -> None:
         f'amplifier {plan.limits_percent:.3f} %, noise {plan.noise_percent:.3f} %')
     print(f'amplifier: {100.0 * plan.limit_use:.1f} % of its limits')
     certificate = plan.certificate
-    if not plan.accuracy.uncertainty:
-        learning = 'if the model is right'
-    elif certificate.holds:
+    if not certificate.holds:
+        learning = 'learning is not certain to lessen the error'
+    elif plan.accuracy.uncertainty:
         learning = 'learning will lessen the error'
     else:
-        learning = 'learning is not certain to lessen the error'
+        learning = 'learning will lessen the error if the model is right'
     print(f'certificate: gamma {certificate.gamma:.2f}, {learning}')
 
 

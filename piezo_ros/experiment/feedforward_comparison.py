@@ -86,12 +86,16 @@ def feedforward_comparison(
     bag = learning.directory / 'bags' / planned.name
     shutil.rmtree(bag, ignore_errors=True)  # of a comparison before the learning was resumed
     run(planned, bag)
-    recorded = read(bag)
-    window = tail(recorded.samples, request.frequency_hz, request.sample_period_s, _SCORED)
-    feedforward_percent = 100.0 * nrmse(
-        recorded.reference_um[window], recorded.displacement_um[window])
-    best_percent = min(one.nrmse_percent for one in learning.runs)
+    feedforward_percent = _percent(bag, learning)
+    best = learning.runs[learning.best_run].name
+    best_percent = _percent(learning.directory / 'bags' / best, learning)
     return (
         f'feedforward (13) with m = {harmonics}, the best for these models: NRMSE '
-        f'{feedforward_percent:.3f} %, {feedforward_percent / best_percent:.1f} times that of the '
-        f'best run')
+        f'{feedforward_percent:.3f} % over {_SCORED:g} periods, '
+        f'{feedforward_percent / best_percent:.1f} times that of run {best}')
+
+
+def _percent(bag: Path, learning: ScanLearning) -> float:
+    run, request = read(bag), learning.request
+    window = tail(run.samples, request.frequency_hz, request.sample_period_s, _SCORED)
+    return 100.0 * nrmse(run.reference_um[window], run.displacement_um[window])

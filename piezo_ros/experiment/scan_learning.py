@@ -124,6 +124,14 @@ class ScanLearning:
         """Whether no further run pays."""
         return self.learner.is_done
 
+    @property
+    def best_run(self) -> int:
+        """Number of the run, of one at least, that played the best scan last."""
+        best_v = self.learner.best.coefficients_v
+        return max(
+            number for number, plan in enumerate(self.plans)
+            if np.array_equal(plan.coefficients_v, best_v))
+
     def resume(self) -> int:
         """
         Take the runs of an earlier learning into account; return how many there were.

@@ -31,12 +31,13 @@ from numpy.typing import NDArray
 from piezo_ros.control import TrajectoryParameters
 from piezo_ros.identification.prediction.accuracy import ModelAccuracy
 from piezo_ros.identification.prediction.operating_points import OperatingPoint
+from piezo_ros.identification.prediction.placement import placements
 from piezo_ros.identification.prediction.tracking import TrackingPrediction
 from piezo_ros.identification.tuning.linear_plant import Bound, bound_magnitude
 from piezo_ros.model import DynamicsParameters, HysteresisParameters, RigParameters
 from piezo_ros.planning.harmonics import repeating_samples
 from piezo_ros.planning.periodic_plan import PeriodicPlan
-from piezo_ros.planning.scan import ScanRequest, limits_of, planned_scan, with_bound
+from piezo_ros.planning.scan import ScanRequest, limits_of, planned_scan, stage_of, with_bound
 
 __all__ = ['PLANNED', 'PlannedChoice', 'plan_candidate', 'with_planned']
 
@@ -95,7 +96,7 @@ def plan_candidate(
     """
     known = accuracy or ModelAccuracy()
     magnitude = _magnitude(uncertainty, known)
-    if magnitude is None or rig.order != 'physical' or rig.hysteresis_place != 'known':
+    if magnitude is None or rig.order != 'physical':
         return None
     try:
         samples = repeating_samples(trajectory.frequency_hz, trajectory.sample_period_s)
@@ -112,9 +113,23 @@ def plan_candidate(
         plan = planned_scan(request)
     except ValueError:  # it does not repeat, or no voltage near to it keeps the limits
         return None
-    if not plan.certificate.holds:
-        return None
-    return PlannedChoice(request, plan, _prediction(rig, plan, known, uncertainty is not None))
+    prediction = _prediction(rig, plan, known, uncertainty is not None)
+    return PlannedChoice(request, plan, _with_places(prediction, rig, request, plan))
+
+
+def _with_places(
+    prediction: TrackingPrediction, rig: RigParameters, request: ScanRequest, plan: PeriodicPlan,
+) -> TrackingPrediction:
+    """Return the prediction with every possible place of the hysteresis; the worst one counts."""
+    percent = [plan.measured_nrmse_percent]
+    for place in placements(rig)[1:]:
+        other = replace(request, dynamics=DynamicsParameters.among(place.to_mapping()))
+        moved = plan.with_coefficients(plan.coefficients_v, stage_of(other))
+        percent.append(moved.measured_nrmse_percent)
+    if len(percent) == 1:
+        return prediction
+    return replace(
+        prediction, simulated_nrmse_percent=max(percent), by_place_percent=tuple(percent))
 
 
 def _magnitude(uncertainty: Bound | None, accuracy: ModelAccuracy) -> _Magnitude | None:

@@ -276,10 +276,7 @@ class BeyondExperiments:
             learned = learning.next_run(_changed(self._run, changes))
             bag = read(self._directory / place / 'bags' / learned.name)
             runs.append(_scan_run(bag, rig, plan.reference_um.size))
-        best_v = learning.learner.best.coefficients_v
-        best = max(
-            number for number, tried in enumerate(learning.plans)
-            if np.array_equal(tried.coefficients_v, best_v))
+        best = learning.best_run
         begin_percent, end_percent = (
             _true_percent(
                 read(self._directory / place / 'bags' / learning.runs[number].name), rig,
