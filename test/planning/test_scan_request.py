@@ -44,9 +44,17 @@ def test_a_bound_narrows_the_band_to_where_the_model_is_known():
     assert whole.uncertainty_percent == pytest.approx(1.0 / math.sqrt(12.0), rel=0.01)
 
 
-def test_a_bound_that_is_no_number_leaves_one_harmonic_and_no_certificate():
-    unknown = with_bound(request(), lambda frequency_hz: np.full_like(frequency_hz, math.inf))
-    assert unknown.band < 2.0 * 800.0
+def test_a_bound_that_is_large_everywhere_leaves_one_harmonic_and_no_certificate():
+    unknown = with_bound(request(), lambda frequency_hz: np.full_like(frequency_hz, 3.0))
+    plan = planned_scan(unknown)
+    assert plan.orders.tolist() == [1]
+    assert not plan.certificate.holds
+
+
+@pytest.mark.parametrize('magnitude', [math.inf, math.nan])
+def test_a_bound_that_is_no_number_is_refused(magnitude):
+    with pytest.raises(ValueError, match=f'uncertainty is {magnitude}'):
+        with_bound(request(), lambda frequency_hz: np.full_like(frequency_hz, magnitude))
 
 
 def test_the_predicted_error_is_told_by_its_shares():

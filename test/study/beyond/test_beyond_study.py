@@ -61,9 +61,8 @@ def test_one_cell_is_learned_by_identified_models_as_predicted(tmp_path):
     for bag in bags:
         assert np.abs(np.diff(bag.voltage_v, prepend=0.0)).max() <= (
             1.0001 * RIG.slew_limit_v_per_s * 1e-5)
-    noise_um = [
-        bag.displacement_um[0] for bag in bags]  # at rest
-    assert len(set(noise_um)) == 3, 'the noise of every run is the same'
+    at_rest = {bag.displacement_um[:5].tobytes() for bag in bags}
+    assert len(at_rest) == 3, 'the noise of some runs is the same'
 
 
 @pytest.fixture(scope='module')
