@@ -111,6 +111,7 @@ setup(
         PACKAGE: ['py.typed'],
         f'{PACKAGE}.runtime.process': ['*.xml'],
         f'{PACKAGE}.report.page': ['templates/*'],
+        f'{PACKAGE}.study.beyond': ['best_known.csv'],
     },
     data_files=data_files,
     zip_safe=False,

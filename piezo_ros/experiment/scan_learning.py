@@ -29,6 +29,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Final
 
+import numpy as np
+
 from piezo_ros.bag import BagError, read
 from piezo_ros.control import ControllerParameters
 from piezo_ros.control.tables.motion_table import write_motion_table
@@ -96,6 +98,8 @@ class ScanLearning:
     ----------
     runs : list of LearnedRun
         What came of the runs so far.
+    plans : list of PeriodicPlan
+        What was played in each.
 
     """
 
@@ -110,6 +114,7 @@ class ScanLearning:
             request, plan, ControllerParameters.among({**base['controller'], 'scheme': scheme}))
         self.learner = self._scan.learner
         self.runs: list[LearnedRun] = []
+        self.plans: list[PeriodicPlan] = []
         self._base = base
         self._repetitions = self._scan.repetitions
 
@@ -117,6 +122,14 @@ class ScanLearning:
     def is_done(self) -> bool:
         """Whether no further run pays."""
         return self.learner.is_done
+
+    @property
+    def best_run(self) -> int:
+        """Number of the run, of one at least, that played the best scan last."""
+        best_v = self.learner.best.coefficients_v
+        return max(
+            number for number, plan in enumerate(self.plans)
+            if np.array_equal(plan.coefficients_v, best_v))
 
     def resume(self) -> int:
         """
@@ -174,10 +187,13 @@ class ScanLearning:
         return learned
 
     def _planned(self, motion: Path, samples: int) -> PlannedRun:
-        request = self.request
+        request, number = self.request, len(self.runs)
         nodes = {
             node: {**values, 'sample_period_s': request.sample_period_s}
             for node, values in self._base.items()}
+        # The noise of a simulated stage is another one in every run: else it would be learned.
+        seed = nodes['plant'].get('seed', RigParameters().seed)
+        nodes['plant']['seed'] = int(seed) + number
         nodes['compensator'] |= request.hysteresis.to_mapping()
         # Unless they are told, the limits of the command are those of the stage.
         reach_um = RigParameters.among(nodes['plant']).reach_um
@@ -188,7 +204,6 @@ class ScanLearning:
             'waveform': 'file', 'file': str(motion.resolve()), 'harmonics': 0,
             'amplitude_um': request.amplitude_um, 'frequency_hz': request.frequency_hz,
             'periods': samples * request.frequency_hz * request.sample_period_s}
-        number = len(self.runs)
         return plan_run(
             nodes, {'scheme': self._scheme}, where=f'learning, run {number}', number=number)
 
@@ -209,6 +224,7 @@ class ScanLearning:
             predicted_percent=self._scan.predicted_percent(plan),
             is_best=self.learner.best_rms_um == measured.rms_um < before_um)
         self.runs.append(learned)
+        self.plans.append(plan)
         return learned
 
     def _keep(self) -> None:

@@ -15,6 +15,7 @@
 """``piezo learn``: runs that improve a planned scan, interrupted and resumed, offline and live."""
 
 import json
+import re
 import shutil
 from pathlib import Path
 
@@ -66,6 +67,17 @@ def test_few_runs_improve_a_scan_and_the_best_is_kept(scan, capsys):
     shutil.copy('learned/best.yaml', scan)
     assert learn('--runs', '1', directory='again') == 0
     assert errors('again')[0] == pytest.approx(min(percent), abs=0.02)
+
+
+def test_the_factor_over_the_best_feedforward_is_that_of_the_two_bags(scan, capsys):
+    assert learn('--runs', '2', '--compare') == 0
+    found = re.search(
+        r'm = (\d+), .* NRMSE ([\d.]+) % over 4 periods, ([\d.]+) times that of run 001',
+        capsys.readouterr().out)
+    percent, factor = float(found[2]), float(found[3])
+    assert factor == pytest.approx(percent / errors()[1], rel=0.1)
+    assert factor > 2.0
+    assert (Path('learned') / 'bags' / 'feedforward').is_dir()
 
 
 def test_an_interrupted_learning_goes_on_where_it_was(scan, capsys):

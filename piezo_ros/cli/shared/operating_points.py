@@ -29,6 +29,7 @@ from piezo_ros.identification.prediction.operating_points import (
     predict_operating_points,
 )
 from piezo_ros.identification.prediction.placement import likely_place
+from piezo_ros.identification.prediction.planned_choice import plan_candidate, with_planned
 from piezo_ros.model import HysteresisParameters, ParameterSet, RigParameters
 from piezo_ros.parameters.parameter_file import read_parameter_file, read_parameter_set
 
@@ -91,10 +92,19 @@ def predicted_points(
     cells = [(a, f) for a in sorted(set(amplitudes_um)) for f in sorted(set(frequencies_hz))]
     if not harmonics_open:
         scan = scan.replaced(frequency_hz=max(frequencies_hz), harmonics=int(options.harmonics))
-    return predict_operating_points(
-        known_rig(told, plant, compensator, scan), scan, controller, cells,
-        harmonics_open=harmonics_open, compensator=compensator, uncertainty=bound,
-        accuracy=read_accuracy(_model_files(options)))
+    rig = known_rig(told, plant, compensator, scan)
+    accuracy = read_accuracy(_model_files(options))
+    points = predict_operating_points(
+        rig, scan, controller, cells, harmonics_open=harmonics_open, compensator=compensator,
+        uncertainty=bound, accuracy=accuracy)
+    if not harmonics_open:
+        return points
+    return tuple(
+        with_planned(point, plan_candidate(
+            rig, scan.replaced(
+                amplitude_um=point.amplitude_um, frequency_hz=point.frequency_hz),
+            uncertainty=bound, accuracy=accuracy))
+        for point in points)
 
 
 def _model_files(options: argparse.Namespace) -> list[Path]:
