@@ -130,11 +130,10 @@ def _plan_scan(
     from piezo_ros.experiment.planned_scan import (
         ScanRequest,
         limits_of,
-        planned_scan,
         write_planned_scan,
     )
     from piezo_ros.identification.tuning.linear_plant import bound_magnitude
-    from piezo_ros.planning.scan import with_bound
+    from piezo_ros.planning.scan import plan_for_rig, with_bound
     if not 0.0 < options.amplitude_um <= plant.reach_um:
         raise ParameterError(
             f'--amplitude-um is {options.amplitude_um:g}, allowed is above 0 … '
@@ -148,7 +147,7 @@ def _plan_scan(
         uncertainty=options.uncertainty, noise_rms_um=plant.noise_rms_um)
     if options.bound is not None:
         request = with_bound(request, partial(bound_magnitude, read_bound(options.bound)))
-    plan = planned_scan(request)
+    request, plan = plan_for_rig(request, plant)
     files = write_planned_scan(options.output, request, plan, (
         f'{request.waveform} of {request.amplitude_um:g} um at {request.frequency_hz:g} Hz',
         *notes))

@@ -35,18 +35,25 @@ from piezo_ros.model import (
     LinearDynamics,
     RigParameters,
 )
+from piezo_ros.model.effects.load import average_slew
 from piezo_ros.planning.constrained_step import AmplifierLimits
 from piezo_ros.planning.harmonics import repeating_samples
 from piezo_ros.planning.periodic_plan import PeriodicPlan, PlanAccuracy, plan_periodic
 from piezo_ros.planning.periodic_stage import PeriodicStage
 
-__all__ = ['ScanRequest', 'limits_of', 'planned_scan', 'stage_of', 'with_bound']
+__all__ = [
+    'ScanRequest', 'limits_of', 'plan_for_rig', 'planned_scan', 'stage_of', 'with_bound',
+]
 
 _HIGHEST_SHARE: Final = 0.15  # of the sampling frequency, for the band
 _POLES_SHARE: Final = 6.0  # of the fastest pole pair, for the band
 _FREE_WEIGHT: Final = 0.03
 _WORST_PERCENT: Final = 10.0  # what is farther off is another scan
 _LARGEST_UNCERTAINTY: Final = 0.5  # of a harmonic that is planned
+_SETTLED_TIMES: Final = 10.0  # averaging times after which a repeated voltage has its averages
+_AVERAGE_SHARE: Final = 0.99  # of the limit, for what the next plan has elsewhere in its period
+_MOST_PLANS: Final = 4
+_MOST_REPETITIONS: Final = 100
 
 
 @dataclass(frozen=True)
@@ -216,6 +223,62 @@ def planned_scan(request: ScanRequest) -> PeriodicPlan:
             f'limits the amplifier leaves an error of {plan.line_nrmse_percent:.3g} %, allowed is '
             f'{_WORST_PERCENT:g} % (a smaller or slower scan)')
     return plan
+
+
+def plan_for_rig(request: ScanRequest, rig: RigParameters) -> tuple[ScanRequest, PeriodicPlan]:
+    """
+    Return the plan of a scan that keeps the average current as the amplifier of a rig averages it.
+
+    A plan keeps its mean absolute slope over whole periods; the amplifier averages over a time of
+    its own. Where that has higher peaks, the scan is planned again with a lower mean.
+
+    Parameters
+    ----------
+    request : ScanRequest
+        What is wanted.
+    rig : RigParameters
+        The rig with the limit.
+
+    Returns
+    -------
+    request : ScanRequest
+        The request with the mean that keeps the limit.
+    plan : PeriodicPlan
+        Its plan.
+
+    Raises
+    ------
+    ValueError
+        As `planned_scan`, or if no mean is found that keeps the limit.
+
+    """
+    limit_v_per_s = rig.average_slew_limit_v_per_s or math.inf
+    for _ in range(_MOST_PLANS):
+        plan = planned_scan(request)
+        highest_v_per_s = _highest_average_v_per_s(plan, rig.average_slew_time_s)
+        if highest_v_per_s <= limit_v_per_s:
+            return request, plan
+        voltage_v = plan.period_voltage_v
+        mean_v_per_s = float(
+            np.abs(np.roll(voltage_v, -1) - voltage_v).mean()) / plan.sample_period_s
+        request = replace(request, limits=replace(
+            request.limits,
+            average_slew_v_per_s=_AVERAGE_SHARE * mean_v_per_s * limit_v_per_s / highest_v_per_s))
+    raise ValueError(
+        f'average_slew_limit_v_per_s is {limit_v_per_s:g}, averaged over '
+        f'{rig.average_slew_time_s:g} s the plan needs {highest_v_per_s:g} V/s (a smaller or '
+        'slower scan)')
+
+
+def _highest_average_v_per_s(plan: PeriodicPlan, average_s: float) -> float:
+    """Return the highest mean absolute slope over the time in which an amplifier averages."""
+    voltage_v = plan.period_voltage_v
+    settling = math.ceil(_SETTLED_TIMES * average_s / (plan.sample_period_s * voltage_v.size))
+    # Over very many repetitions the average hardly leaves the mean, with which it begins.
+    repetitions = 2 + min(settling, _MOST_REPETITIONS)
+    averages_v_per_s = average_slew(
+        np.tile(voltage_v, repetitions), average_s, plan.sample_period_s)
+    return float(averages_v_per_s[-voltage_v.size:].max())
 
 
 def limits_of(

@@ -15,14 +15,22 @@
 """What is wanted of a scan: the band out of W(s), the shares of the predicted error."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from piezo_ros.model import DynamicsParameters, HysteresisParameters
+from piezo_ros.model import DynamicsParameters, HysteresisParameters, RigParameters
+from piezo_ros.model.effects.load import average_slew
 from piezo_ros.planning.certificate import certificate
 from piezo_ros.planning.constrained_step import AmplifierLimits
-from piezo_ros.planning.scan import ScanRequest, planned_scan, with_bound
+from piezo_ros.planning.scan import (
+    ScanRequest,
+    limits_of,
+    plan_for_rig,
+    planned_scan,
+    with_bound,
+)
 
 
 def request(**given):
@@ -69,6 +77,30 @@ def test_the_predicted_error_is_told_by_its_shares():
     assert plan.highest_nrmse_percent > plan.measured_nrmse_percent
     free = planned_scan(request(limits=AmplifierLimits(), amplitude_um=0.2))
     assert free.limits_percent < 1e-6
+
+
+def test_the_average_current_is_that_of_the_rig_unless_told():
+    assert limits_of(RigParameters()).average_slew_v_per_s == math.inf
+    rig = RigParameters(average_slew_limit_v_per_s=3000.0)
+    assert limits_of(rig).average_slew_v_per_s == 3000.0
+    assert limits_of(rig, 2000.0).average_slew_v_per_s == 2000.0
+
+
+def test_a_plan_keeps_the_average_current_over_the_time_of_the_amplifier():
+    period_s, average_s = 2e-5, 5e-4
+    scan = request(frequency_hz=400.0, sample_period_s=period_s, band_hz=4000.0)
+    voltage_v = np.tile(planned_scan(scan).period_voltage_v, 20)
+    mean_v_per_s = float(np.abs(np.diff(voltage_v)).mean()) / period_s
+    rig = RigParameters(average_slew_limit_v_per_s=mean_v_per_s, average_slew_time_s=average_s)
+    assert average_slew(voltage_v, average_s, period_s).max() > 1.3 * mean_v_per_s
+    kept, plan = plan_for_rig(replace(scan, limits=limits_of(rig)), rig)
+    assert kept.limits.average_slew_v_per_s < mean_v_per_s
+    averages = average_slew(np.tile(plan.period_voltage_v, 20), average_s, period_s)
+    assert averages[averages.size // 2:].max() <= mean_v_per_s
+    with pytest.raises(ValueError, match='allowed is 10 %'):
+        plan_for_rig(
+            replace(scan, limits=AmplifierLimits(average_slew_v_per_s=100.0)),
+            rig.replaced(average_slew_limit_v_per_s=100.0))
 
 
 def test_a_plan_within_a_tenth_of_its_band_is_no_less_certain_by_its_neighbours():

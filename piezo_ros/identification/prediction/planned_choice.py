@@ -21,7 +21,6 @@ of the dynamics is known, by W(s) or by what identification tells of its own mod
 in which that is small.
 """
 
-import math
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Final, NamedTuple
@@ -36,10 +35,9 @@ from piezo_ros.identification.prediction.placement import placements
 from piezo_ros.identification.prediction.tracking import TrackingPrediction
 from piezo_ros.identification.tuning.linear_plant import Bound, bound_magnitude
 from piezo_ros.model import DynamicsParameters, HysteresisParameters, RigParameters
-from piezo_ros.model.effects.load import average_slew
 from piezo_ros.planning.harmonics import repeating_samples
 from piezo_ros.planning.periodic_plan import PeriodicPlan
-from piezo_ros.planning.scan import ScanRequest, limits_of, planned_scan, stage_of, with_bound
+from piezo_ros.planning.scan import ScanRequest, limits_of, plan_for_rig, stage_of, with_bound
 
 __all__ = ['PLANNED', 'PlannedChoice', 'plan_candidate', 'with_planned']
 
@@ -47,8 +45,6 @@ PLANNED: Final = 'planned'
 # What takes long to plan is slow, and the feedforward (13) does well there.
 _MOST_SAMPLES: Final = 2500
 _MOST_HARMONICS: Final = 201
-_SETTLED_TIMES: Final = 10.0  # averaging times after which a repeated voltage has its averages
-_SLEW_TOLERANCE: Final = 1e-6  # relative
 _Magnitude = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 
 
@@ -116,30 +112,11 @@ def plan_candidate(
             noise_rms_um=rig.noise_rms_um)
         request = with_bound(replace(request, band_hz=min(
             request.band, (_MOST_HARMONICS + 0.5) * trajectory.frequency_hz)), magnitude)
-        plan = planned_scan(request)
+        request, plan = plan_for_rig(request, rig)
     except ValueError:  # it does not repeat, or no voltage near to it keeps the limits
-        return None
-    if not _keeps_average(rig, plan):
         return None
     prediction = _prediction(rig, plan, known, uncertainty is not None)
     return PlannedChoice(request, plan, _with_places(prediction, rig, request, plan))
-
-
-def _keeps_average(rig: RigParameters, plan: PeriodicPlan) -> bool:
-    """
-    Return whether the amplifier gives the average current of a plan at any time.
-
-    The plan keeps it over whole periods, the amplifier averages over a time of its own.
-    """
-    if rig.average_slew_limit_v_per_s == 0.0:
-        return True
-    voltage_v = plan.period_voltage_v
-    settled_s = _SETTLED_TIMES * rig.average_slew_time_s
-    repetitions = 1 + math.ceil(settled_s / (plan.sample_period_s * voltage_v.size))
-    averages_v_per_s = average_slew(
-        np.tile(voltage_v, 1 + repetitions), rig.average_slew_time_s, plan.sample_period_s)
-    highest_v_per_s = float(averages_v_per_s[-voltage_v.size:].max())
-    return highest_v_per_s <= rig.average_slew_limit_v_per_s * (1.0 + _SLEW_TOLERANCE)
 
 
 def _with_places(

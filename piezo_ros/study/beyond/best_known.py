@@ -33,7 +33,8 @@ __all__ = ['BestKnown', 'best_known_csv', 'read_best_known']
 BEST_KNOWN_FILE: Final = Path(__file__).with_name('best_known.csv')
 _RIG: Final = '# rig: '
 _COLUMNS: Final = ('amplitude_um', 'frequency_hz', 'nrmse_percent', 'band_hz')
-_NOISE: Final = ('noise_rms_um', 'seed')  # the search is without
+# The search is without.
+_SENSOR: Final = ('noise_rms_um', 'seed', 'adc_bits', 'adc_span_v', 'sensor_scale_um_per_v')
 
 
 @dataclass(frozen=True)
@@ -61,7 +62,7 @@ class BestKnown:
 def best_known_csv(rig: RigParameters, found: Sequence[BestKnown]) -> str:
     """Return the content of the file."""
     lines = [
-        _RIG + json.dumps(_without_noise(rig.to_mapping())), ','.join(_COLUMNS), *(
+        _RIG + json.dumps(_without_sensor(rig.to_mapping())), ','.join(_COLUMNS), *(
             f'{one.amplitude_um:g},{one.frequency_hz:g},{one.nrmse_percent:.5f},{one.band_hz:g}'
             for one in found)]
     return '\n'.join(lines) + '\n'
@@ -90,7 +91,7 @@ def read_best_known(
         known: dict[str, Any] = json.loads(file.readline().removeprefix(_RIG))
         here = rig.to_mapping()
         # What the rig has learned to do since then must be off.
-        known = {**_without_noise(RigParameters().to_mapping()), **known}
+        known = {**_without_sensor(RigParameters().to_mapping()), **known}
         if any(here.get(name) != value for name, value in known.items()):
             return {}
         return {
@@ -102,5 +103,5 @@ def _rows(file: Iterable[str]) -> Iterable[dict[str, str]]:
     return csv.DictReader(file)
 
 
-def _without_noise(parameters: dict[str, Any]) -> dict[str, Any]:
-    return {name: value for name, value in parameters.items() if name not in _NOISE}
+def _without_sensor(parameters: dict[str, Any]) -> dict[str, Any]:
+    return {name: value for name, value in parameters.items() if name not in _SENSOR}

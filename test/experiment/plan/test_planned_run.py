@@ -89,6 +89,8 @@ def test_it_must_be_good_wherever_the_hysteresis_may_stand(decided):
     (Known(bound=small), {'scheme': 'fbff', 'harmonics': 'auto'}),
     (Known(bound=small), {'scheme': 'ff', 'harmonics': 'auto', 'frequency_hz': 501.234567}),
     (Known(bound=small), {'scheme': 'ff', 'harmonics': 'auto', 'periods': 6.0}),
+    (Known(bound=small), {'scheme': 'ff', 'harmonics': 'auto', 'offset_um': 0.5}),
+    (Known(bound=small), {'scheme': 'ff', 'harmonics': 'auto', 'turn_fraction': 0.1}),
 ])
 def test_it_is_no_candidate_where_it_cannot_be_trusted_or_played(decided, known, entry):
     run = decided(known, **entry)

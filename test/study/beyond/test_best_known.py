@@ -35,13 +35,15 @@ def test_every_cell_of_the_shipped_rig_has_a_best_known_error():
 
 
 @pytest.mark.parametrize('changes', [
-    {'slew_limit_v_per_s': 20_000.0}, {'gain_mismatch': 0.0}, {'creep_per_decade': 0.02}])
+    {'slew_limit_v_per_s': 20_000.0}, {'gain_mismatch': 0.0}, {'creep_per_decade': 0.02},
+    {'average_slew_limit_v_per_s': 9100.0}])
 def test_another_rig_has_none(changes):
     assert read_best_known(RIG.replaced(**changes)) == {}
 
 
-def test_noise_does_not_make_another_rig():
-    assert read_best_known(RIG.replaced(noise_rms_um=0.005, seed=7)) == read_best_known(RIG)
+def test_another_sensor_does_not_make_another_rig():
+    assert read_best_known(RIG.replaced(
+        noise_rms_um=0.005, seed=7, sensor_scale_um_per_v=1.5)) == read_best_known(RIG)
 
 
 def test_what_was_found_is_read_back(tmp_path):
