@@ -24,7 +24,7 @@ HERE = Path(__file__).resolve().parent
 NODES = (
     'plant', 'hardware_plant', 'compensator', 'controller', 'trajectory', 'recorder', 'loop',
     'stamped')
-EXECUTABLES = (*NODES, 'piezo')
+EXECUTABLES = (*NODES, 'learner', 'piezo')
 
 # What the extra [ros], and with it `make demo` where no ROS is sourced, brings.
 DEFAULT_DISTRIBUTION = 'jazzy'
@@ -111,6 +111,7 @@ setup(
         PACKAGE: ['py.typed'],
         f'{PACKAGE}.runtime.process': ['*.xml'],
         f'{PACKAGE}.report.page': ['templates/*'],
+        f'{PACKAGE}.study.beyond': ['best_known.csv'],
     },
     data_files=data_files,
     zip_safe=False,
@@ -168,6 +169,7 @@ setup(
     entry_points={
         'console_scripts': [
             *(f'{node} = {PACKAGE}.nodes.executables:{node}' for node in NODES),
+            f'learner = {PACKAGE}.cli.executables.learner:learner',
             f'piezo = {PACKAGE}.cli.main:main',
         ],
     },

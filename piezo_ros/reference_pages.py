@@ -55,10 +55,15 @@ def parameter_page() -> str:
         'subscription>.<policy>` of its topics, which are read-only, and `use_sim_time`.', '',
         '## Every node', '', *_parameter_table([LoopNodeParameters])]
     for node, sets in NODE_PARAMETERS.items():
-        own = [parameter_set for parameter_set in sets if parameter_set is not LoopNodeParameters]
+        own = [each for each in sets if not issubclass(each, LoopNodeParameters)]
         lines += ['', f'## {node}', '', *_parameter_table(own)]
+        if other := [
+                f'`{field.name}` {_default(field.default)}' for each in sets
+                if issubclass(each, LoopNodeParameters) for field in dataclasses.fields(each)
+                if field.default != getattr(LoopNodeParameters, field.name)]:
+            lines += ['', f'Of what every node has, it has by default {", ".join(other)}.']
     for program, sets in PROGRAM_PARAMETERS.items():
-        own = [parameter_set for parameter_set in sets if parameter_set is not LoopNodeParameters]
+        own = [each for each in sets if not issubclass(each, LoopNodeParameters)]
         lines += [
             '', f'## {program}', '',
             'The node `plant` of a real stage, see [hardware.md](hardware.md).', '',

@@ -30,7 +30,7 @@ import setuptools
 REPOSITORY = Path(__file__).resolve().parents[1]
 EXECUTABLES = [
     'plant', 'hardware_plant', 'compensator', 'controller', 'trajectory', 'recorder', 'loop',
-    'stamped', 'piezo']
+    'stamped', 'learner', 'piezo']
 
 # Name in an import statement -> (name on PyPI, rosdep key).
 THIRD_PARTY = {

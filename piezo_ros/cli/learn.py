@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""``piezo learn``: a planned scan improved by runs of the stage, under the scheme ff."""
+"""``piezo learn``: a planned scan improved by runs of the stage."""
 
 import argparse
 import sys
@@ -38,7 +38,9 @@ _EXAMPLES: Final = """\
 examples:
   piezo learn scan.yaml --parameters rig.yaml -o learned
   piezo learn scan.yaml --parameters rig.yaml -o learned --offline
+  piezo learn scan.yaml --parameters rig.yaml --parameters feedback.yaml --scheme fbff -o learned
   piezo learn scan.yaml --parameters rig.yaml -o learned --resume --runs 10
+  piezo learn scan.yaml --parameters rig.yaml -o learned --compare
 """
 
 
@@ -52,6 +54,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         'several times')
     parser.add_argument(
         '--runs', type=int, default=5, metavar='N', help='at most (default: 5)')
+    parser.add_argument(
+        '--scheme', choices=('ff', 'fbff'), default='ff',
+        help='fbff: beside feedback; reference_delay_samples of the controller must equal '
+        'measurement_delay_samples (default: ff)')
+    parser.add_argument(
+        '--compare', action='store_true',
+        help='one run more, of the same scan under the feedforward of (13) in the paper with the '
+        'number of harmonics that suits it best, and by which factor learning is better')
     parser.add_argument(
         '--offline', action='store_true', help='simulate the runs, without ROS')
     parser.add_argument(
@@ -67,6 +77,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _learn(options: argparse.Namespace) -> int:
+    from piezo_ros.experiment.feedforward_comparison import feedforward_comparison
     from piezo_ros.experiment.output_directory import prepare_directory
     from piezo_ros.experiment.planned_scan import read_planned_scan
     from piezo_ros.experiment.scan_learning import ScanLearning
@@ -79,9 +90,9 @@ def _learn(options: argparse.Namespace) -> int:
     try:
         if not options.offline:
             check_ros('')
+        learning = ScanLearning(request, plan, options.output, base, scheme=options.scheme)
         if not (options.resume and options.output.is_dir()):
             prepare_directory(options.output, force=options.force)
-        learning = ScanLearning(request, plan, options.output, base)
         if options.resume and (done := learning.resume()):
             print(f'{done} runs are there already')
         with _engine(options) as run:
@@ -91,6 +102,8 @@ def _learn(options: argparse.Namespace) -> int:
                     f'run {learned.name}: NRMSE {learned.nrmse_percent:.3f} ± '
                     f'{learned.sigma_percent:.3f} %{", the best" if learned.is_best else ""}',
                     flush=True)
+            if options.compare:
+                print(feedforward_comparison(learning, base, run), flush=True)
     except (BagError, CampaignError, ValueError, OSError) as error:
         print(f'piezo: {failure_text(error)}', file=sys.stderr)
         return EXIT_FAILED
@@ -117,7 +130,7 @@ def _check_device(options: argparse.Namespace, plant: dict[str, Any]) -> None:
             f'device is {plant["device"]}: its runs are neither simulated (--offline) nor in one '
             'process (--composed)')
     if plant['device'] != SIMULATED and not options.yes:
-        ask_to_drive(f'up to {options.runs} runs on {plant["device"]}')
+        ask_to_drive(f'up to {options.runs + options.compare} runs on {plant["device"]}')
 
 
 @contextmanager

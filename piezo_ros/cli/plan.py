@@ -15,15 +15,20 @@
 """``piezo plan``: a scan at the limits of the amplifier, for the nodes to play."""
 
 import argparse
-import math
 import sys
+from functools import partial
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from piezo_ros.cli.shared.exit_codes import EXIT_DONE, EXIT_FAILED, EXIT_USAGE
+from piezo_ros.experiment.model_file import read_bound
 from piezo_ros.model import DynamicsParameters, HysteresisParameters, ParameterError, RigParameters
 from piezo_ros.parameters.errors import PlanError, failure_text
 from piezo_ros.parameters.parameter_file import read_parameter_set
+
+if TYPE_CHECKING:
+    from piezo_ros.planning.periodic_plan import PeriodicPlan
+    from piezo_ros.planning.scan import ScanRequest
 
 __all__ = ['add_arguments']
 
@@ -33,6 +38,8 @@ examples:
       --amplitude-um 2 --frequency-hz 600 -o scan.yaml
   piezo plan trajectory.yaml --compensator compensator.yaml --plant rig.yaml \\
       --amplitude-um 2 --frequency-hz 600 --free-turn 0.2 -o scan.yaml
+  piezo plan trajectory.yaml --compensator compensator.yaml --plant rig.yaml --bound bound.yaml \\
+      --amplitude-um 2 --frequency-hz 600 -o scan.yaml
   piezo plan trajectory.yaml --compensator compensator.yaml --plant rig.yaml \\
       --motion spiral_x.csv -o spiral.yaml
 """
@@ -66,9 +73,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='highest frequency of the voltage (default: six times the fastest pole pair, at most '
         '15 %% of the sampling frequency)')
     parser.add_argument(
-        '--average-slew-v-per-s', type=float, default=math.inf, metavar='S',
-        help='mean absolute slope that the average current of the amplifier allows')
-    parser.add_argument(
+        '--average-slew-v-per-s', type=float, metavar='S',
+        help='mean absolute slope that the average current of the amplifier allows (default: '
+        'average_slew_limit_v_per_s of the rig)')
+    uncertainty = parser.add_mutually_exclusive_group()
+    uncertainty.add_argument(
+        '--bound', type=Path, metavar='FILE',
+        help='what identify uncertainty wrote: narrows the band to where W(s) is at most 0.5, and '
+        'tells the uncertainty of prediction and certificate')
+    uncertainty.add_argument(
         '--uncertainty', type=float, default=0.0, metavar='W',
         help='largest relative error of the model in the band, for the certificate')
     parser.add_argument(
@@ -117,9 +130,10 @@ def _plan_scan(
     from piezo_ros.experiment.planned_scan import (
         ScanRequest,
         limits_of,
-        planned_scan,
         write_planned_scan,
     )
+    from piezo_ros.identification.tuning.linear_plant import bound_magnitude
+    from piezo_ros.planning.scan import plan_for_rig, with_bound
     if not 0.0 < options.amplitude_um <= plant.reach_um:
         raise ParameterError(
             f'--amplitude-um is {options.amplitude_um:g}, allowed is above 0 … '
@@ -130,20 +144,38 @@ def _plan_scan(
         dynamics=dynamics, hysteresis=hysteresis,
         limits=limits_of(plant, options.average_slew_v_per_s), band_hz=options.band_hz,
         free_turn=options.free_turn, ramp_periods=options.ramp_periods,
-        uncertainty=options.uncertainty)
-    plan = planned_scan(request)
+        uncertainty=options.uncertainty, noise_rms_um=plant.noise_rms_um)
+    if options.bound is not None:
+        request = with_bound(request, partial(bound_magnitude, read_bound(options.bound)))
+    request, plan = plan_for_rig(request, plant)
     files = write_planned_scan(options.output, request, plan, (
         f'{request.waveform} of {request.amplitude_um:g} um at {request.frequency_hz:g} Hz',
         *notes))
+    _tell(request, plan)
+    return files
+
+
+def _tell(request: 'ScanRequest', plan: 'PeriodicPlan') -> None:
+    """Print what to expect of a plan."""
+    known = (
+        f'at most {plan.highest_nrmse_percent:.3f} % within the uncertainty of the model'
+        if plan.accuracy.uncertainty_percent else
+        'how wrong the model is was not told (--bound)')
     print(
-        f'predicted NRMSE {plan.predicted_nrmse_percent:.3f} %, of which the band of '
-        f'{request.band:g} Hz alone would leave {plan.truncation_percent:.3f} %')
+        f'predicted NRMSE {plan.predicted_nrmse_percent:.3f} %, a run measures '
+        f'{plan.measured_nrmse_percent:.3f} %; {known}')
+    print(
+        f'shares: band of {request.band:g} Hz {plan.truncation_percent:.3f} %, limits of the '
+        f'amplifier {plan.limits_percent:.3f} %, noise {plan.noise_percent:.3f} %')
     print(f'amplifier: {100.0 * plan.limit_use:.1f} % of its limits')
     certificate = plan.certificate
-    learning = 'learning will lessen the error' if certificate.holds else (
-        'learning is not certain to lessen the error')
+    if not certificate.holds:
+        learning = 'learning is not certain to lessen the error'
+    elif plan.accuracy.uncertainty:
+        learning = 'learning will lessen the error'
+    else:
+        learning = 'learning will lessen the error if the model is right'
     print(f'certificate: gamma {certificate.gamma:.2f}, {learning}')
-    return files
 
 
 def _plan_motion(

@@ -152,11 +152,9 @@ def run_plan(
     """Do every run of a plan by ``run``, report them and return the exit code."""
     try:
         if plan.study:
-            from piezo_ros.study.page import study_summary
-            from piezo_ros.study.run_study import run_study
-            results, page = run_study(plan, directory, run, progress.announce)
+            from piezo_ros.study.studies import run_named_study
+            summary, page = run_named_study(plan, directory, run, progress.announce)
             report: Path | None = page
-            summary = study_summary(results)
         else:
             campaign = run_campaign(plan, directory, run, progress.announce)
             report, summary = campaign.report, text_table(campaign.runs)

@@ -15,9 +15,10 @@
 """``piezo tune``: PI gains for an identified model, margins beside those of the published ones."""
 
 import argparse
+import math
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from piezo_ros import paper
 from piezo_ros.cli.shared.exit_codes import EXIT_FAILED, EXIT_POOR, EXIT_USAGE
@@ -48,11 +49,14 @@ examples:
   piezo tune config/trajectory.yaml -o controller.yaml
   piezo tune model.yaml --bound bound.yaml --max-sensitivity 1.5 -o controller.yaml
   piezo tune trajectory.yaml --compensator compensator.yaml --plant rig.yaml -o controller.yaml
+  piezo tune model.yaml --lead --objective feedback_band --max-sensitivity 1.6 -o controller.yaml
   piezo tune slow_stage.yaml --sample-period-s 1e-4 --no-operating-points -o controller.yaml
 """
 _GAINS: Final = (
     ('kP', 'proportional_gain', ''),
     ('kI', 'integral_gain_per_s', '1/s'),
+    ('zero of the lead', 'lead_zero_hz', 'Hz'),
+    ('pole of the lead', 'lead_pole_hz', 'Hz'),
 )
 # What means nothing where the loop is not stable.
 _FIGURES: Final = (
@@ -79,8 +83,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--bound', type=Path, metavar='FILE',
         help="what identify uncertainty wrote, or 'none' (default: (19) of the paper)")
     parser.add_argument(
-        '--objective', choices=('itae_step', 'itae_scan'), default='itae_step',
-        help='ITAE of a unit step, or of the scan in MODEL (default: itae_step)')
+        '--objective', choices=('itae_step', 'itae_scan', 'feedback_band'), default='itae_step',
+        help='ITAE of a unit step, or of the scan in MODEL, or the highest frequency below which '
+        '|S| < 1 (default: itae_step)')
+    parser.add_argument(
+        '--lead', action='store_true', help='tune a lead section as well')
+    parser.add_argument(
+        '--lead-ratio', type=float, default=10.0, metavar='R',
+        help='pole over zero of the lead, by which it amplifies noise (default: 10)')
     parser.add_argument(
         '--max-sensitivity', type=float, default=2.0, metavar='M', help='limit on |S| (default: 2)')
     parser.add_argument(
@@ -129,8 +139,9 @@ def _add_operating_points(parser: argparse.ArgumentParser) -> None:
 
 
 def _tune(options: argparse.Namespace) -> int:
-    from piezo_ros.cli.operating_points import operating_points_text, predicted_points
+    from piezo_ros.cli.shared.operating_points import operating_points_text, predicted_points
     from piezo_ros.identification.prediction.operating_points import feedback_table
+    from piezo_ros.identification.tuning.lead_tuning import tune_pi_with_lead
     from piezo_ros.identification.tuning.loop_shape import loop_shape
     from piezo_ros.identification.tuning.pi_tuning import tune_pi
     if options.output.exists() and not options.force:
@@ -147,12 +158,15 @@ def _tune(options: argparse.Namespace) -> int:
         evidence = read_evidence(
             options.model, model, options.sample_period_s, trust_band=not options.accept_poor)
         bound = _bound(options.bound)
-        tuning = tune_pi(
-            model, bound=bound, objective=_objective(options, model),
-            max_sensitivity=options.max_sensitivity,
-            uncertainty_limit=options.uncertainty_limit,
-            measurement_delay_samples=options.measurement_delay_samples,
-            sample_period_s=options.sample_period_s, evidence=evidence)
+        limits: dict[str, Any] = {
+            'bound': bound, 'objective': _objective(options, model),
+            'max_sensitivity': options.max_sensitivity,
+            'uncertainty_limit': options.uncertainty_limit,
+            'measurement_delay_samples': options.measurement_delay_samples,
+            'sample_period_s': options.sample_period_s, 'evidence': evidence}
+        tuning = without_lead = tune_pi(model, **limits)
+        if options.lead:
+            tuning = tune_pi_with_lead(model, ratio=options.lead_ratio, **limits)
         published = loop_shape(
             model, paper.TABLE_2['proportional_gain'], paper.TABLE_2['integral_gain_per_s'],
             sample_period_s=options.sample_period_s,
@@ -169,7 +183,11 @@ def _tune(options: argparse.Namespace) -> int:
         f'sampled every {options.sample_period_s:g} s, measurement '
         f'{options.measurement_delay_samples * options.sample_period_s:g} s old, W(s): '
         f'{options.bound or "(19) of the paper"}')
-    print(_table({'start': tuning.before, 'tuned': tuning.after, 'Table 2': published}))
+    tuned = {'PI': without_lead.after, 'PI + lead': tuning.after} if options.lead else {
+        'tuned': tuning.after}
+    print(_table({'start': without_lead.before, **tuned, 'Table 2': published}))
+    if options.lead:
+        print(_lead_text(without_lead.after, tuning.after))
     print(f'active limits: {", ".join(tuning.active_limits) or "none"}')
     print(_sensitivity_text(tuning, len(evidence.frequency_hz), options))
     if points:
@@ -208,6 +226,14 @@ def _sensitivity_text(tuning: 'PiTuning', points: int, options: argparse.Namespa
     return f'max |S| with the tuned gains: {", ".join(parts)}'
 
 
+def _lead_text(without: 'LoopShape', with_lead: 'LoopShape') -> str:
+    """Return what the lead gains."""
+    before_hz = without.feedback_acceptable_frequency_hz
+    after_hz = with_lead.feedback_acceptable_frequency_hz
+    factor = f', {after_hz / before_hz:.3g} times' if 0.0 < before_hz < math.inf else ''
+    return f'|S| = 1 at {after_hz:.5g} Hz, without the lead at {before_hz:.5g} Hz{factor}'
+
+
 def _objective(options: argparse.Namespace, model: 'Model') -> str | TrajectoryParameters:
     if options.objective != 'itae_scan' or not isinstance(model, LinearDynamics):
         return str(options.objective)
@@ -218,7 +244,7 @@ def _objective(options: argparse.Namespace, model: 'Model') -> str | TrajectoryP
 
 
 def _bound(path: Path | None) -> 'Bound | None':
-    from piezo_ros.cli.operating_points import NO_BOUND
+    from piezo_ros.cli.shared.operating_points import NO_BOUND
     if path == NO_BOUND:
         return None
     return read_bound(path) if path else paper.uncertainty_magnitude
@@ -228,6 +254,8 @@ def _table(shapes: 'dict[str, LoopShape]') -> str:
     records = [shape.record() for shape in shapes.values()]
     lines = [f'{"":28}' + ''.join(f'{name:>12}' for name in shapes)]
     for title, key, unit in _GAINS:
+        if key.startswith('lead') and not any(record[key] for record in records):
+            continue
         lines.append(_line(title, [record[key] for record in records], unit))
     for title, key, unit in _FIGURES:
         values = [record[key] if record['stable'] else None for record in records]

@@ -38,6 +38,7 @@ __all__ = [
     'changed_law',
     'changes_text',
     'parse_changes',
+    'parse_entries',
     'segments',
     'without',
 ]
@@ -47,6 +48,8 @@ CHANGEABLE = tuple(
     field.name for field in dataclasses.fields(ControllerParameters)
     if constraint_of(field).change == 'running')
 _AT = 'at_sample'
+# A lead needs both.
+_ONLY_TOGETHER = ('lead_zero_hz', 'lead_pole_hz')
 _LONGEST_SHOWN = 60  # characters of a refused text
 
 
@@ -107,46 +110,75 @@ def parse_changes(text: str) -> tuple[Change, ...]:
     (Change(at_sample=5000, values={'scheme': 'ff'}),)
 
     """
+    changes = []
+    for at_sample, values in parse_entries('changes', text):
+        for name in values:
+            if name not in CHANGEABLE:
+                raise ParameterError(
+                    f'changes: {name} cannot change during a run; what can is '
+                    f'{", ".join(CHANGEABLE)}')
+        # Whether several values go together depends on the law that they change.
+        for name, value in values.items():
+            if name not in _ONLY_TOGETHER:
+                changed_law(ControllerParameters(command_minimum_um=-1e4, command_maximum_um=1e4),
+                            {name: value})
+        changes.append(Change(at_sample, values))
+    return tuple(changes)
+
+
+def parse_entries(name: str, text: str) -> tuple[tuple[int, dict[str, Any]], ...]:
+    """
+    Read a list of what changes at samples of a run.
+
+    Parameters
+    ----------
+    name : str
+        Of the parameter, for errors.
+    text : str
+        JSON: a list of objects, each with ``at_sample`` and what changes there; '' for none.
+
+    Returns
+    -------
+    tuple of (int, dict)
+        Samples, ascending, and what changes there.
+
+    Raises
+    ------
+    ParameterError
+        If it is no such list.
+
+    """
     if not text.strip():
         return ()
     try:
         entries = json.loads(text)
     except (ValueError, RecursionError) as error:
-        raise ParameterError(f'changes is {_shown(text)}, which is no JSON: {error}') from None
+        raise ParameterError(f'{name} is {_shown(text)}, which is no JSON: {error}') from None
     if not isinstance(entries, list):
-        raise ParameterError(f'changes is {_shown(text)}, it must be a list')
-    changes = [_change(entry) for entry in entries]
+        raise ParameterError(f'{name} is {_shown(text)}, it must be a list')
+    changes = [_entry(name, entry) for entry in entries]
     for earlier, later in itertools.pairwise(changes):
-        if earlier.at_sample >= later.at_sample:
+        if earlier[0] >= later[0]:
             raise ParameterError(
-                f'changes has at_sample {later.at_sample} after {earlier.at_sample}, the samples '
-                'must ascend')
+                f'{name} has at_sample {later[0]} after {earlier[0]}, the samples must ascend')
     return tuple(changes)
+
+
+def _entry(name: str, entry: Any) -> tuple[int, dict[str, Any]]:
+    if not isinstance(entry, Mapping):
+        raise ParameterError(f'{name} has {entry!r}, it must be a mapping with {_AT}')
+    at_sample = entry.get(_AT)
+    if isinstance(at_sample, bool) or not isinstance(at_sample, int) or at_sample < 0:
+        raise ParameterError(
+            f'{name}: {_AT} is {at_sample!r}, it must be a sample, an integer from 0 on')
+    values = {str(key): value for key, value in entry.items() if key != _AT}
+    if not values:
+        raise ParameterError(f'{name}: nothing changes at sample {at_sample}')
+    return at_sample, values
 
 
 def _shown(text: str) -> str:
     return repr(text if len(text) <= _LONGEST_SHOWN else f'{text[:_LONGEST_SHOWN]}…')
-
-
-def _change(entry: Any) -> Change:
-    if not isinstance(entry, Mapping):
-        raise ParameterError(f'changes has {entry!r}, it must be a mapping with {_AT}')
-    at_sample = entry.get(_AT)
-    if isinstance(at_sample, bool) or not isinstance(at_sample, int) or at_sample < 0:
-        raise ParameterError(
-            f'changes: {_AT} is {at_sample!r}, it must be a sample, an integer from 0 on')
-    values = {str(name): value for name, value in entry.items() if name != _AT}
-    if not values:
-        raise ParameterError(f'changes: nothing changes at sample {at_sample}')
-    for name in values:
-        if name not in CHANGEABLE:
-            raise ParameterError(
-                f'changes: {name} cannot change during a run; what can is {", ".join(CHANGEABLE)}')
-    # Each value alone; whether they go together depends on the law that they change.
-    for name, value in values.items():
-        changed_law(ControllerParameters(command_minimum_um=-1e4, command_maximum_um=1e4),
-                    {name: value})
-    return Change(at_sample, values)
 
 
 def changed_law(law: ControllerParameters, values: Mapping[str, Any]) -> ControllerParameters:

@@ -34,11 +34,17 @@ While v is at a limit, the integral is kept from winding up::
 
 A bumpless transfer presets it: I[k] = v[k-1] - u_ff[k] - kP e[k], so that v[k] = v[k-1].
 
+A lead section, z = exp(-wz Ts) of its zero and p = exp(-wp Ts) of its pole, makes the error that
+gains and integral act on out of e; its gain is 1 at low frequencies::
+
+    e'[k] = p e'[k-1] + (1 - p)/(1 - z) (e[k] - z e[k-1])
+
 With r = 0, as in the paper, a measurement is compared with a later reference, and feedback works
 against a feedforward that is right. With r = d it sees such a feedforward without error.
 """
 
 import itertools
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -58,6 +64,7 @@ __all__ = [
     'controller_constants',
     'controller_step',
     'initial_state',
+    'lead_coefficients',
     'prepare_transfer',
     'recall_measurement',
 ]
@@ -67,6 +74,7 @@ AUTO = 'auto'
 ANTI_WINDUP = ('clamping', 'back_calculation', 'none')
 CLAMPING, BACK_CALCULATION, NONE = range(3)
 _INTEGRAL_UM, _LAST_COMMAND_UM, _TRANSFER = range(3)
+_ERROR_UM, _LED_ERROR_UM, _HAS_ERROR = range(3, 6)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,6 +91,12 @@ class ControllerParameters(ParameterSet):
     integral_gain_per_s: float = parameter(
         paper.TABLE_2['integral_gain_per_s'], '1/s', 'kI', minimum=0.0, maximum=1e9,
         change='running')
+    lead_zero_hz: float = parameter(
+        0.0, 'Hz', 'zero of the lead section before the gains, for instance the pole of the '
+        'sensor; 0: no lead', minimum=0.0, maximum=1e9, change='running')
+    lead_pole_hz: float = parameter(
+        0.0, 'Hz', 'pole of the lead section, above its zero; 0: no lead', minimum=0.0,
+        maximum=1e9, change='running')
     measurement_delay_samples: int = parameter(
         1, 'samples', 'age d of the measurement in e[k] = y_d[k] - y[k-d]: conversion, computing',
         minimum=0, maximum=1000)
@@ -119,6 +133,11 @@ class ControllerParameters(ParameterSet):
             raise ParameterError(
                 f'command_minimum_um is {self.command_minimum_um} um, it must be below '
                 f'command_maximum_um {self.command_maximum_um} um')
+        has_pole, has_zero = self.lead_pole_hz > 0.0, self.lead_zero_hz > 0.0
+        if has_pole != has_zero or (has_zero and self.lead_pole_hz <= self.lead_zero_hz):
+            raise ParameterError(
+                f'lead_zero_hz is {self.lead_zero_hz} Hz and lead_pole_hz {self.lead_pole_hz} Hz; '
+                'the pole must be above the zero, or both 0')
         amplitudes_um = self.feedback_acceptable_amplitude_um
         frequencies_hz = self.feedback_acceptable_frequency_hz
         if not amplitudes_um or len(amplitudes_um) != len(frequencies_hz):
@@ -184,12 +203,17 @@ class ControllerConstants(NamedTuple):
     maximum_um: float
     anti_windup: int
     measurements: int  # d + 1, how many are remembered
+    lead_gain: float  # (1 - p)/(1 - z); 0 for no lead
+    lead_zero: float  # z
+    lead_pole: float  # p
 
 
 class ControllerState(NamedTuple):
     """Everything the controller remembers; lists in a node, arrays in a kernel."""
 
-    memory: Vector  # (3,) integral, last command, whether a bumpless transfer is due
+    # (6,) integral, last command, whether a bumpless transfer is due; of the sample before: the
+    # error, the error behind the lead, whether these are known
+    memory: Vector
     measured_um: Vector  # (d + 1,) the last measurements, by index modulo d + 1
     reference_um: Vector  # (r + 1,) the last references, by index modulo r + 1
 
@@ -199,10 +223,44 @@ def controller_constants(
 ) -> ControllerConstants:
     """Return the constants of the step."""
     p = parameters
+    lead_gain, lead_zero, lead_pole = 0.0, 0.0, 0.0
+    if p.lead_zero_hz > 0.0:
+        lead_gain, lead_zero, lead_pole = lead_coefficients(
+            p.lead_zero_hz, p.lead_pole_hz, sample_period_s)
     return ControllerConstants(
         p.uses_feedback, p.uses_feedforward, p.proportional_gain,
         p.integral_gain_per_s * sample_period_s, p.command_minimum_um, p.command_maximum_um,
-        ANTI_WINDUP.index(p.anti_windup), p.measurement_delay_samples + 1)
+        ANTI_WINDUP.index(p.anti_windup), p.measurement_delay_samples + 1,
+        lead_gain, lead_zero, lead_pole)
+
+
+def lead_coefficients(
+    zero_hz: float, pole_hz: float, sample_period_s: float,
+) -> tuple[float, float, float]:
+    """
+    Return gain, zero z and pole p of a sampled lead section.
+
+    Parameters
+    ----------
+    zero_hz, pole_hz : float
+        Its zero and its pole, above 0.
+    sample_period_s : float
+        Sample period, seconds.
+
+    Examples
+    --------
+    The gain at the Nyquist frequency is nearly the ratio of pole and zero where both are far below:
+
+    >>> gain, zero, pole = lead_coefficients(100.0, 300.0, 1e-5)
+    >>> round(gain * (1.0 + zero) / (1.0 + pole), 2)
+    3.0
+
+    """
+    turn_s = -2.0 * math.pi * sample_period_s
+    # expm1 where the zero is so slow that 1 - z would round to nothing.
+    return (
+        math.expm1(turn_s * pole_hz) / math.expm1(turn_s * zero_hz),
+        math.exp(turn_s * zero_hz), math.exp(turn_s * pole_hz))
 
 
 def initial_state(
@@ -221,7 +279,8 @@ def initial_state(
     """
     due = 1.0 if parameters.bumpless_start else 0.0
     return ControllerState(
-        vector([0.0, 0.0, due]), vector([0.0] * (parameters.measurement_delay_samples + 1)),
+        vector([0.0, 0.0, due, 0.0, 0.0, 0.0]),
+        vector([0.0] * (parameters.measurement_delay_samples + 1)),
         vector([0.0] * (parameters.reference_delay_samples + 1)))
 
 
@@ -288,6 +347,14 @@ def controller_step(
         base_um = reference_um
     if constants.uses_feedback:
         error_um = reference[(index + 1) % len(reference)] - measured[(index + 1) % slots]
+        raw_um = error_um
+        if constants.lead_gain > 0.0 and memory[_HAS_ERROR] > 0.0:
+            error_um = constants.lead_pole * memory[_LED_ERROR_UM] + constants.lead_gain * (
+                raw_um - constants.lead_zero * memory[_ERROR_UM])
+        # Without a sample before, the error counts as one that has always been there.
+        memory[_ERROR_UM] = raw_um
+        memory[_LED_ERROR_UM] = error_um
+        memory[_HAS_ERROR] = 1.0
         base_um += constants.proportional_gain * error_um
         if memory[_TRANSFER] > 0.0:
             held_um = memory[_LAST_COMMAND_UM] - base_um
@@ -301,6 +368,7 @@ def controller_step(
         held_um = 0.0
         integral_um = 0.0
         wanted_um = base_um
+        memory[_HAS_ERROR] = 0.0
     memory[_TRANSFER] = 0.0
     command_um = wanted_um
     if wanted_um > constants.maximum_um:

@@ -25,6 +25,7 @@ from piezo_ros.model.step import step
 __all__ = ['CONSTANTS', 'packed_controller', 'unpacked_controller', 'unpacked_state']
 
 CONSTANTS = len(ControllerConstants._fields)  # of the array, at its beginning
+_MEASURED = CONSTANTS + 6  # where the measurements begin, behind `ControllerState.memory`
 
 
 def packed_controller(
@@ -38,8 +39,9 @@ def packed_controller(
 @step
 def unpacked_state(memory: Any) -> ControllerState:
     """Return the state of a controller as views of its memory."""
-    end = 11 + int(memory[7])
-    return ControllerState(memory[8:11], memory[11:end], memory[end:])
+    end = _MEASURED + int(memory[7])
+    return ControllerState(
+        memory[CONSTANTS:_MEASURED], memory[_MEASURED:end], memory[end:])
 
 
 @step
@@ -47,5 +49,5 @@ def unpacked_controller(memory: Any) -> tuple[ControllerState, ControllerConstan
     """Return state and constants of a controller as views of its memory."""
     constants = ControllerConstants(
         memory[0] > 0.0, memory[1] > 0.0, memory[2], memory[3], memory[4], memory[5],
-        int(memory[6]), int(memory[7]))
+        int(memory[6]), int(memory[7]), memory[8], memory[9], memory[10])
     return unpacked_state(memory), constants

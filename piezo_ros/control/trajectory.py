@@ -29,6 +29,7 @@ from fractions import Fraction
 from functools import lru_cache
 from typing import Any, Final, NamedTuple, TypeVar
 
+from piezo_ros.control.changes import parse_entries
 from piezo_ros.control.feedforward import (
     FeedforwardConstants,
     feedforward_constants,
@@ -36,6 +37,7 @@ from piezo_ros.control.feedforward import (
     usual_harmonics,
 )
 from piezo_ros.control.tables.motion_table import place_step
+from piezo_ros.control.tables.table_changes import TableChange, table_changes
 from piezo_ros.control.waveform import (
     EXCITATIONS,
     FILE,
@@ -81,14 +83,27 @@ class TrajectoryParameters(WaveformParameters, DynamicsParameters):
         'of the paper, or the sampled one, behind the zero-order hold',
         choices=('continuous', 'sampled'))
 
+    file_changes: str = parameter(
+        '', '', 'files that are played from later samples on, a JSON list such as [{"at_sample": '
+        '5000, "file": "learned.npz"}]; empty for none')
+
     def check_together(self) -> None:
         """Refuse harmonics that waveform, sampling or model do not have; put in the usual ones."""
         super().check_together()
+        if self.table_changes and self.waveform != FILE:
+            raise ParameterError(
+                f'file_changes is given and waveform is {self.waveform!r}: only the waveform file '
+                'has files that change')
         if self.harmonics == _USUAL:
             object.__setattr__(self, '_has_usual_harmonics', True)
             object.__setattr__(self, 'harmonics', usual_harmonics(
                 self, LinearDynamics(self), sampled=self.model_response == 'sampled'))
         _feedforward(self)
+
+    @property
+    def table_changes(self) -> tuple[TableChange, ...]:
+        """The changes of the file during the run."""
+        return table_changes(parse_entries('file_changes', self.file_changes))
 
     def replaced(self: _Parameters, **values: Any) -> _Parameters:
         """Return a copy with some values replaced; harmonics not given are chosen anew."""

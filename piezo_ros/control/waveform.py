@@ -96,7 +96,7 @@ class WaveformParameters(ParameterSet):
     file: str = parameter(
         '', '', 'CSV or NPZ file of the waveform file: reference_um, and command_um, which the '
         'scheme ff sends; what is repeated is played for periods / frequency_hz; piezo bag motion '
-        'makes it of the streams of a bag')
+        'makes it of the streams of a bag', change='running')
     amplitude_um: float = parameter(
         1.0, 'um', 'peak amplitude around the operating point', minimum=0.0, maximum=1e4)
     output: str = parameter(

@@ -21,176 +21,52 @@ further section of the file, ``planned_scan``, which ROS ignores, has what the p
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from piezo_ros.control.tables.motion_table import MotionTable, write_motion_table
-from piezo_ros.control.waveform import WaveformParameters, abrupt_step, waveform_constants
 from piezo_ros.experiment.model_file import identified_facts
 from piezo_ros.model import (
     DynamicsParameters,
     HysteresisParameters,
-    LinearDynamics,
     ParameterError,
-    RigParameters,
 )
 from piezo_ros.parameters.errors import PlanError
 from piezo_ros.parameters.parameter_file import parameters_yaml
 from piezo_ros.planning.constrained_step import AmplifierLimits
-from piezo_ros.planning.periodic_plan import (
-    PeriodicPlan,
-    harmonic_basis,
-    known_plan,
-    orders_of_band,
-    plan_periodic,
-    repeating_samples,
-)
-from piezo_ros.planning.periodic_stage import PeriodicStage
+from piezo_ros.planning.harmonics import harmonic_basis, orders_of_band
+from piezo_ros.planning.periodic_plan import PeriodicPlan, known_plan
+from piezo_ros.planning.scan import ScanRequest, limits_of, planned_scan, stage_of
 from piezo_ros.report.files import write_atomically
 
 __all__ = [
-    'ScanRequest', 'planned_scan', 'read_planned_scan', 'stage_of',
+    'ScanRequest', 'limits_of', 'motion_of', 'planned_scan', 'read_planned_scan', 'stage_of',
     'write_motion', 'write_planned_scan',
 ]
 
 FACTS: Final = 'planned_scan'
 FORMAT_VERSION: Final = 1
 MOTION_SUFFIX: Final = '.npz'
-_HIGHEST_SHARE: Final = 0.15  # of the sampling frequency, for the band
-_POLES_SHARE: Final = 6.0  # of the fastest pole pair, for the band
-_FREE_WEIGHT: Final = 0.03
-_WORST_PERCENT: Final = 10.0  # what is farther off is another scan
 
 
-@dataclass(frozen=True)
-class ScanRequest:
+def motion_of(
+    request: ScanRequest, plan: PeriodicPlan, compensator: HysteresisParameters | None = None,
+) -> MotionTable:
     """
-    What is wanted of a scan, and what is known of the stage.
+    Return the motion of a plan: its soft start, one repetition to settle, and one to repeat.
 
-    Attributes
+    Parameters
     ----------
-    waveform : str
-        ``'triangle'`` or ``'sine'``.
-    amplitude_um, frequency_hz : float
-        Of the scan.
-    sample_period_s : float
-        Sample period, seconds.
-    dynamics : DynamicsParameters
-        What was identified.
-    hysteresis : HysteresisParameters
-        What was identified, and the compensator inverts.
-    limits : AmplifierLimits
-        What the voltage keeps.
-    band_hz : float
-        Highest frequency of the voltage; 0: six times the fastest pole pair, at most 15 % of the
-        sampling frequency.
-    free_turn : float
-        Share of each line, about its ends, in which the error hardly counts; 0 for none.
-    ramp_periods : float
-        Periods of the soft start.
-    uncertainty : float
-        Largest relative error of the model in the band, for the certificate.
+    request : ScanRequest
+        What was wanted.
+    plan : PeriodicPlan
+        The plan.
+    compensator : HysteresisParameters, optional
+        What the compensator inverts; that of the plan by default.
 
     """
-
-    waveform: str
-    amplitude_um: float
-    frequency_hz: float
-    sample_period_s: float
-    dynamics: DynamicsParameters
-    hysteresis: HysteresisParameters
-    limits: AmplifierLimits
-    band_hz: float = 0.0
-    free_turn: float = 0.0
-    ramp_periods: float = 2.0
-    uncertainty: float = 0.0
-
-    def __post_init__(self) -> None:
-        if self.waveform not in ('triangle', 'sine'):
-            raise ValueError(f'waveform is {self.waveform!r}, allowed are triangle, sine')
-        for name, low, high in (
-                ('amplitude_um', 0.0, 1e4), ('frequency_hz', 0.0, 0.25 / self.sample_period_s)):
-            value = getattr(self, name)
-            if not low < value <= high:
-                raise ValueError(f'{name} is {value}, allowed is above {low:g} … {high:g}')
-        if not 0.0 <= self.free_turn < 0.9:
-            raise ValueError(f'free_turn is {self.free_turn}, allowed is 0 … 0.9')
-        if not 0.0 <= self.ramp_periods <= 1e4:
-            raise ValueError(f'ramp_periods is {self.ramp_periods}, allowed is 0 … 10000')
-
-    @property
-    def band(self) -> float:
-        """Highest frequency of the voltage, hertz."""
-        if self.band_hz:
-            return self.band_hz
-        pairs = [frequency for frequency, _ in self.dynamics.pole_pairs]
-        rates = [*pairs, *self.dynamics.rates_rad_per_s]
-        fastest_hz = max(pairs or rates) / (2.0 * math.pi)
-        return max(
-            min(_POLES_SHARE * fastest_hz, _HIGHEST_SHARE / self.sample_period_s),
-            1.01 * self.frequency_hz)
-
-    @property
-    def is_symmetric(self) -> bool:
-        """Whether odd harmonics of the voltage are enough."""
-        return not self.hysteresis.asymmetry_threshold_um
-
-    @property
-    def reference_um(self) -> NDArray[np.float64]:
-        """The reference over the samples after which it repeats, shape (P,)."""
-        constants = waveform_constants(WaveformParameters(
-            waveform=self.waveform, amplitude_um=self.amplitude_um,
-            frequency_hz=self.frequency_hz, sample_period_s=self.sample_period_s))
-        samples = repeating_samples(self.frequency_hz, self.sample_period_s)
-        turns = self.frequency_hz * self.sample_period_s * np.arange(samples)
-        return np.array([abrupt_step(constants, turn) for turn in turns.tolist()])
-
-    @property
-    def weight(self) -> NDArray[np.float64]:
-        """Weight of each sample's squared error, shape (P,)."""
-        reference_um = self.reference_um
-        lines = np.abs(reference_um) <= (1.0 - self.free_turn) * self.amplitude_um
-        return np.where(lines, 1.0, _FREE_WEIGHT)
-
-
-def stage_of(request: ScanRequest) -> PeriodicStage:
-    """Return the identified stage in its periodic state."""
-    dynamics = LinearDynamics(request.dynamics)
-    return PeriodicStage(
-        dynamics.before_hysteresis, request.hysteresis, dynamics.behind_hysteresis,
-        request.sample_period_s,
-        repeating_samples(request.frequency_hz, request.sample_period_s), dynamics.delay_s)
-
-
-def planned_scan(request: ScanRequest) -> PeriodicPlan:
-    """
-    Return the plan of a scan.
-
-    Raises
-    ------
-    ValueError
-        If the scan does not repeat, or no voltage near to it keeps the limits.
-
-    """
-    plan = plan_periodic(
-        stage_of(request), request.reference_um, request.frequency_hz, request.sample_period_s,
-        band_hz=request.band, limits=request.limits, weight=request.weight,
-        uncertainty=request.uncertainty,
-        is_symmetric=request.is_symmetric)
-    if plan.line_nrmse_percent > _WORST_PERCENT:
-        raise ValueError(
-            f'amplitude_um is {request.amplitude_um:g} at {request.frequency_hz:g} Hz: within its '
-            f'limits the amplifier leaves an error of {plan.line_nrmse_percent:.3g} %, allowed is '
-            f'{_WORST_PERCENT:g} % (a smaller or slower scan)')
-    return plan
-
-
-def motion_of(request: ScanRequest, plan: PeriodicPlan) -> MotionTable:
-    """Return the motion of a plan: its soft start, one repetition to settle, and one to repeat."""
     samples = plan.reference_um.size
     ramp = math.ceil(
         (request.ramp_periods + 1.0) / (request.frequency_hz * request.sample_period_s))
@@ -198,7 +74,7 @@ def motion_of(request: ScanRequest, plan: PeriodicPlan) -> MotionTable:
     count = first + samples
     return MotionTable(
         np.resize(plan.reference_um, count) * plan.soft_start(count, request.ramp_periods),
-        plan.command_um(count, request.hysteresis, request.ramp_periods),
+        plan.command_um(count, compensator or request.hysteresis, request.ramp_periods),
         request.sample_period_s, repeat_from=first)
 
 
@@ -279,6 +155,7 @@ def _facts(request: ScanRequest, plan: PeriodicPlan) -> dict[str, Any]:
         'format_version': FORMAT_VERSION,
         'waveform': request.waveform, 'band_hz': request.band, 'free_turn': request.free_turn,
         'ramp_periods': request.ramp_periods, 'uncertainty': request.uncertainty,
+        'uncertainty_percent': request.uncertainty_percent, 'noise_rms_um': request.noise_rms_um,
         'kappa_um_per_v': list(request.hysteresis.kappa_um_per_v),
         'saturation_v': list(request.hysteresis.saturation_v),
         'asymmetry_threshold_um': list(request.hysteresis.asymmetry_threshold_um),
@@ -342,7 +219,7 @@ def _known(request: ScanRequest, facts: Mapping[str, Any]) -> PeriodicPlan:
         stage_of(request), request.reference_um, request.frequency_hz, request.sample_period_s,
         orders=orders, coefficients_v=coefficients_v,
         truncation_percent=float(facts['truncation_percent']), limits=request.limits,
-        weight=request.weight, uncertainty=request.uncertainty)
+        weight=request.weight, accuracy=request.accuracy)
 
 
 def _request(facts: Mapping[str, Any], trajectory: Mapping[str, Any]) -> ScanRequest:
@@ -360,13 +237,6 @@ def _request(facts: Mapping[str, Any], trajectory: Mapping[str, Any]) -> ScanReq
         dynamics=DynamicsParameters.among(trajectory), hysteresis=hysteresis,
         limits=AmplifierLimits(**limits), band_hz=float(facts['band_hz']),
         free_turn=float(facts['free_turn']), ramp_periods=float(facts['ramp_periods']),
-        uncertainty=float(facts['uncertainty']))
-
-
-def limits_of(plant: RigParameters, average_slew_v_per_s: float = math.inf) -> AmplifierLimits:
-    """Return the limits that a data sheet gives for the voltage."""
-    return AmplifierLimits(
-        slew_v_per_s=plant.slew_limit_v_per_s or math.inf,
-        average_slew_v_per_s=average_slew_v_per_s,
-        minimum_v=plant.voltage_minimum_v - plant.operating_point_v,
-        maximum_v=plant.voltage_maximum_v - plant.operating_point_v)
+        uncertainty=float(facts['uncertainty']),
+        uncertainty_percent=float(facts.get('uncertainty_percent', 0.0)),
+        noise_rms_um=float(facts.get('noise_rms_um', 0.0)))

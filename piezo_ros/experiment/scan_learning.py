@@ -15,8 +15,8 @@
 """
 Learning of a planned scan: run, compare with the reference, improve, run again.
 
-The runs are without feedback, which would take its part of every change of the command; with
-``reference_delay_samples`` it can be added to what was learned.
+The runs are without feedback (scheme ff), or beside feedback with aligned delays (fbff), see
+`piezo_ros.experiment.scan_beside_feedback`.
 
 The output directory has ``bags/000`` …, one for every run, ``learning.json`` with what came of
 each, and ``best.yaml`` with its motion, the best scan so far. All of it is written after each run,
@@ -24,7 +24,6 @@ so that an interrupted learning keeps its best and can be resumed.
 """
 
 import json
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -33,18 +32,15 @@ from typing import Any, Final
 import numpy as np
 
 from piezo_ros.bag import BagError, read
+from piezo_ros.control import ControllerParameters
 from piezo_ros.control.tables.motion_table import write_motion_table
 from piezo_ros.experiment.plan.run_entry import plan_run
-from piezo_ros.experiment.planned_scan import (
-    ScanRequest,
-    motion_of,
-    stage_of,
-    write_planned_scan,
-)
+from piezo_ros.experiment.planned_scan import MOTION_SUFFIX, ScanRequest, write_planned_scan
+from piezo_ros.experiment.scan_beside_feedback import ScanBesideFeedback
 from piezo_ros.model import RigParameters
 from piezo_ros.parameters.errors import CampaignError
 from piezo_ros.parameters.run import PlannedRun, RunResult
-from piezo_ros.planning.learning import Learner, Measured, period_average
+from piezo_ros.planning.learning import period_average
 from piezo_ros.planning.periodic_plan import PeriodicPlan
 from piezo_ros.report.files import write_atomically
 
@@ -52,7 +48,6 @@ __all__ = ['LearnedRun', 'ScanLearning']
 
 RECORD: Final = 'learning.json'
 _BEST: Final = 'best.yaml'
-_LEAST_PERIODS: Final = 8.0  # that are averaged
 _FORMAT_VERSION: Final = 1
 
 
@@ -96,30 +91,45 @@ class ScanLearning:
         Of the output.
     base : mapping of str to mapping
         Node to the parameters of all runs: the rig, the compensator, the controller.
+    scheme : str, optional
+        ``'ff'`` or ``'fbff'``.
 
     Attributes
     ----------
     runs : list of LearnedRun
         What came of the runs so far.
+    plans : list of PeriodicPlan
+        What was played in each.
 
     """
 
     def __init__(
         self, request: ScanRequest, plan: PeriodicPlan, directory: Path,
-        base: Mapping[str, Mapping[str, Any]],
+        base: Mapping[str, Mapping[str, Any]], *, scheme: str = 'ff',
     ) -> None:
         self.request = request
         self.directory = directory
-        self.learner = Learner(stage_of(request), plan)
+        self._scheme = scheme
+        self._scan = ScanBesideFeedback(
+            request, plan, ControllerParameters.among({**base['controller'], 'scheme': scheme}))
+        self.learner = self._scan.learner
         self.runs: list[LearnedRun] = []
+        self.plans: list[PeriodicPlan] = []
         self._base = base
-        periods = plan.reference_um.size * request.frequency_hz * request.sample_period_s
-        self._repetitions = math.ceil(_LEAST_PERIODS / periods - 1e-6)
+        self._repetitions = self._scan.repetitions
 
     @property
     def is_done(self) -> bool:
         """Whether no further run pays."""
         return self.learner.is_done
+
+    @property
+    def best_run(self) -> int:
+        """Number of the run, of one at least, that played the best scan last."""
+        best_v = self.learner.best.coefficients_v
+        return max(
+            number for number, plan in enumerate(self.plans)
+            if np.array_equal(plan.coefficients_v, best_v))
 
     def resume(self) -> int:
         """
@@ -129,6 +139,8 @@ class ScanLearning:
         ------
         BagError
             If a bag of a finished run cannot be read.
+        CampaignError
+            If the runs were under another scheme.
 
         """
         try:
@@ -136,6 +148,11 @@ class ScanLearning:
             names = [str(run['name']) for run in record['runs']]
         except (OSError, ValueError, KeyError, TypeError):
             return 0
+        scheme = record.get('scheme', 'ff')
+        if scheme != self._scheme:
+            raise CampaignError(
+                f'{self.directory / RECORD}: its runs are under the scheme {scheme}, not '
+                f'{self._scheme}')
         for name in names:
             self._take(name, self.learner.propose())
         return len(names)
@@ -158,7 +175,7 @@ class ScanLearning:
         plan = self.learner.propose()
         name = f'{len(self.runs):03d}'
         bag = self.directory / 'bags' / name
-        motion = motion_of(self.request, plan)
+        motion = self._scan.motion(plan)
         path = self.directory / 'motions' / f'{name}.npz'
         path.parent.mkdir(parents=True, exist_ok=True)
         write_motion_table(path, motion)
@@ -170,10 +187,13 @@ class ScanLearning:
         return learned
 
     def _planned(self, motion: Path, samples: int) -> PlannedRun:
-        request = self.request
+        request, number = self.request, len(self.runs)
         nodes = {
             node: {**values, 'sample_period_s': request.sample_period_s}
             for node, values in self._base.items()}
+        # The noise of a simulated stage is another one in every run: else it would be learned.
+        seed = nodes['plant'].get('seed', RigParameters().seed)
+        nodes['plant']['seed'] = int(seed) + number
         nodes['compensator'] |= request.hysteresis.to_mapping()
         # Unless they are told, the limits of the command are those of the stage.
         reach_um = RigParameters.among(nodes['plant']).reach_um
@@ -184,9 +204,8 @@ class ScanLearning:
             'waveform': 'file', 'file': str(motion.resolve()), 'harmonics': 0,
             'amplitude_um': request.amplitude_um, 'frequency_hz': request.frequency_hz,
             'periods': samples * request.frequency_hz * request.sample_period_s}
-        number = len(self.runs)
         return plan_run(
-            nodes, {'scheme': 'ff'}, where=f'learning, run {number}', number=number)
+            nodes, {'scheme': self._scheme}, where=f'learning, run {number}', number=number)
 
     def _take(self, name: str, plan: PeriodicPlan) -> LearnedRun:
         run = read(self.directory / 'bags' / name)
@@ -201,21 +220,21 @@ class ScanLearning:
         before_um = self.learner.best_rms_um
         self.learner.tell(measured)
         learned = LearnedRun(
-            name, *self._percent(measured),
-            predicted_percent=plan.weighted_nrmse_percent,
+            name, *self._scan.percent(measured),
+            predicted_percent=self._scan.predicted_percent(plan),
             is_best=self.learner.best_rms_um == measured.rms_um < before_um)
         self.runs.append(learned)
+        self.plans.append(plan)
         return learned
-
-    def _percent(self, measured: Measured) -> tuple[float, float]:
-        span_um = float(np.ptp(self.learner.plan.reference_um))
-        return 100.0 * measured.rms_um / span_um, 100.0 * measured.sigma_um / span_um
 
     def _keep(self) -> None:
         write_planned_scan(
             self.directory / _BEST, self.request, self.learner.best,
-            [f'learned from {len(self.runs)} runs'])
+            [f'learned from {len(self.runs)} runs under the scheme {self._scheme}'])
+        write_motion_table(
+            (self.directory / _BEST).with_suffix(MOTION_SUFFIX),
+            self._scan.motion(self.learner.best))
         write_atomically(self.directory / RECORD, json.dumps({
-            'format_version': _FORMAT_VERSION, 'is_done': self.is_done,
+            'format_version': _FORMAT_VERSION, 'scheme': self._scheme, 'is_done': self.is_done,
             'certificate_gamma': self.learner.plan.certificate.gamma,
             'runs': [asdict(run) for run in self.runs]}, indent=2) + '\n')

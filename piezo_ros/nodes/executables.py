@@ -18,7 +18,7 @@ import ctypes
 import os
 import signal
 import sys
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from piezo_ros.crash_report import report_crashes
 from piezo_ros.interruption import leave_closed_terminal, set_stop_handler
@@ -28,6 +28,7 @@ from piezo_ros.runtime.process.parent import PARENT_VARIABLE
 
 if TYPE_CHECKING:
     from piezo_ros.control import ControlLaw
+    from piezo_ros.nodes.learner_parts.learning import MakeLearning
 
 __all__ = [
     'compensator',
@@ -37,6 +38,7 @@ __all__ = [
     'plant',
     'recorder',
     'run_controller',
+    'run_learner',
     'stamped',
     'trajectory',
 ]
@@ -65,7 +67,25 @@ def run_controller(control_law: 'type[ControlLaw]') -> int:
     return _run('controller', control_law=control_law)
 
 
-def _run(*names: str, control_law: 'type[ControlLaw] | None' = None) -> int:
+def run_learner(make_learning: 'MakeLearning') -> int:
+    """
+    Run the learner node.
+
+    Parameters
+    ----------
+    make_learning : callable
+        Makes what learns, see `piezo_ros.nodes.learner_parts.learning`.
+
+    Returns
+    -------
+    int
+        Exit code, for an entry point.
+
+    """
+    return _run('learner', make_learning=make_learning)
+
+
+def _run(*names: str, **own: Any) -> int:
     # Until the host takes over, a signal simply ends the process, without a traceback.
     set_stop_handler(_end_start)
     report_crashes()
@@ -86,7 +106,6 @@ def _run(*names: str, control_law: 'type[ControlLaw] | None' = None) -> int:
 
     classes = [
         getattr(import_module(f'piezo_ros.nodes.{name}'), _class_name(name)) for name in names]
-    own = {'control_law': control_law} if control_law else {}
     # Several nodes in one process share the time that the compiler's import takes.
     code = host(lambda: [node(compiled=len(classes) > 1, **own) for node in classes])
     # While Python shuts down, a signal would kill it, and its exit code would be lost.

@@ -40,9 +40,12 @@ __all__ = [
     'BareParameters',
     'BlockParameters',
     'DemandParameters',
+    'FileChangeParameters',
     'HARDWARE_PLANT',
     'HistoryParameters',
     'InitialiseParameters',
+    'JoiningNodeParameters',
+    'LearnerParameters',
     'LoopNodeParameters',
     'PaceParameters',
     'RecorderParameters',
@@ -179,6 +182,16 @@ class BlockParameters(ParameterSet):
 
 
 @dataclass(frozen=True, kw_only=True)
+class FileChangeParameters(ParameterSet):
+    """When another file is played that is set during a run."""
+
+    apply_at_sample: int = parameter(
+        -1, '', 'sample from which a file is played that the same atomic call sets during a run; '
+        '-1: where it is nearest to the present one in the next repetition; holds for that call '
+        'alone', minimum=-1, maximum=2**53, change='running')
+
+
+@dataclass(frozen=True, kw_only=True)
 class RecorderParameters(ParameterSet):
     """Where and what to record."""
 
@@ -214,16 +227,50 @@ class RecorderParameters(ParameterSet):
         return tuple(name.strip() for name in self.streams.split(','))
 
 
+@dataclass(frozen=True, kw_only=True)
+class JoiningNodeParameters(LoopNodeParameters):
+    """What a managed node has that may join a run at any sample."""
+
+    start_index: int = parameter(
+        -1, '', 'index of the first sample; -1 takes any: it may join a run that goes on',
+        minimum=-1, maximum=2**53)
+
+
+@dataclass(frozen=True, kw_only=True)
+class LearnerParameters(ParameterSet):
+    """What is learned of a running scan, and how long."""
+
+    scan: str = parameter(
+        '', '', 'the planned scan that the trajectory plays: what piezo plan or piezo learn wrote')
+    directory: str = parameter(
+        '', '', 'directory of the tables and of what came of them; must not exist; empty: named '
+        'after date and time')
+    runs: int = parameter(
+        5, '', 'how many tables are measured at most, that of the scan included', minimum=1,
+        maximum=1000)
+    settling_s: float = parameter(
+        0.02, 's', 'how long a table settles before it is measured, one repetition at least',
+        minimum=0.0, maximum=1e6)
+    from_copies: bool = parameter(
+        False, '', 'take recorded/<stream> in place of the streams themselves: hardly any load for '
+        'the loop; needs recorded_block_samples in the other nodes', change='configuration')
+    parameters_timeout_s: float = parameter(
+        10.0, 's', 'how long to wait for the parameters of trajectory and controller',
+        minimum=0.0, maximum=1e6)
+
+
 # Node -> its parameter sets, the model's first. Also the order of bring-up: readers before writers.
 NODE_PARAMETERS: Final[Mapping[str, tuple[type[ParameterSet], ...]]] = {
     'recorder': (RecorderParameters, LoopNodeParameters),
+    'learner': (LearnerParameters, JoiningNodeParameters),
     'compensator': (CompensatorParameters, LoopNodeParameters),
     'controller': (
         ControllerParameters, ChangeParameters, DemandParameters, LoopNodeParameters),
     'plant': (
         RigParameters, SafetyParameters, PaceParameters, HistoryParameters, BareParameters,
         LoopNodeParameters),
-    'trajectory': (TrajectoryParameters, BlockParameters, LoopNodeParameters),
+    'trajectory': (
+        TrajectoryParameters, FileChangeParameters, BlockParameters, LoopNodeParameters),
 }
 # The program that drives hardware in the role of the plant.
 HARDWARE_PLANT: Final = 'hardware_plant'
@@ -233,7 +280,7 @@ PROGRAM_PARAMETERS: Final[Mapping[str, tuple[type[ParameterSet], ...]]] = {
         HardwareParameters, SafetyParameters, InitialiseParameters, BareParameters,
         LoopNodeParameters),
 }
-# The nodes of the control loop: all of them but the recorder.
+# The nodes of the control loop: all of them but recorder and learner.
 LOOP_NODES: Final = ('compensator', 'controller', 'plant', 'trajectory')
 
 

@@ -116,7 +116,9 @@ class PlannedRun:
         # What follows during the run counts as much as what it begins with.
         schemes = [self.controller.scheme, *(
             f'{change.values.get("scheme", "other gains")} from sample {change.at_sample} on'
-            for change in self.changes)]
+            for change in self.changes), *(
+            f'another file from sample {change.at_sample} on'
+            for change in trajectory.table_changes)]
         return (
             f'{", ".join(schemes)}: {trajectory.waveform} {trajectory.amplitude_um:g} um, '
             f'{trajectory.frequency_hz:g} Hz, m = {trajectory.harmonics}, '

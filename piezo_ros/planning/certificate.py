@@ -16,15 +16,23 @@
 Whether learning by a model is certain to lessen the error on the true stage.
 
 A learning run replaces the coefficients c by c + H^-1 J' W e/N with the slope J of the model and
-H = J' W J/N + lambda I. On a stage with the slope J (I + D) the distance to the best voltage
-shrinks by
+H = J' W J/N + lambda I. On a stage with the slope J_true the distance to the best voltage shrinks
+by
 
-    gamma = || I - H^{-1/2} J' W J_true H^{-1/2}/N || <= lambda/(sigma^2 + lambda) + max |D|
+    gamma(J_true) = || I - H^{-1/2} J' W J_true H^{-1/2}/N ||
 
-while the same elements slip, also under the limits, which are a projection in the norm of H. sigma
-is the smallest singular value of the weighted slope. gamma < 1 accepts a plan; it is no rate.
+also under the limits, which are a projection in the norm of H. J_true differs from J by the errors
+of the linear dynamics, J_true = J (I + D), and by which elements slip when. The bound is
+
+    gamma = max over J_n of gamma(J_n) + max |D|,   gamma(J) = lambda/(sigma^2 + lambda)
+
+over the model's slopes J_n at voltages about the plan, at which other elements slip: the plays are
+homogeneous, so that 5 % of the voltage are 5 % of the saturations. sigma is the smallest singular
+value of the weighted slope. gamma < 1 accepts a plan; it is no rate, and no proof either: a stage
+may slip as it does at none of these voltages.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -44,13 +52,16 @@ class Certificate(NamedTuple):
         The bound; below 1 learning is certain to approach the best voltage.
     regularisation_share : float
         What of it is due to the regularisation.
+    slip_share : float
+        What of it is due to elements that may slip at other times than in the model.
     uncertainty : float
-        What of it is due to the uncertainty of the model.
+        What of it is due to the uncertainty of the linear dynamics.
 
     """
 
     gamma: float
     regularisation_share: float
+    slip_share: float
     uncertainty: float
 
     @property
@@ -61,7 +72,7 @@ class Certificate(NamedTuple):
 
 def certificate(
     slope: NDArray[np.float64], weight: NDArray[np.float64], regularisation: float,
-    uncertainty: float,
+    uncertainty: float, neighbours: Sequence[NDArray[np.float64]] = (),
 ) -> Certificate:
     """
     Return the bound for a relative uncertainty of the slope.
@@ -76,12 +87,13 @@ def certificate(
         Weight lambda of the squared change of the coefficients.
     uncertainty : float
         Largest relative error of the slope.
+    neighbours : sequence of ndarray of shape (P, M), optional
+        Slopes of the model at other voltages, at which other elements slip.
 
     """
-    singular = np.linalg.svd(
-        np.sqrt(weight / weight.size)[:, None] * slope, compute_uv=False)
-    share = regularisation / (float(singular[-1])**2 + regularisation)
-    return Certificate(share + uncertainty, share, uncertainty)
+    share, *others = _contractions(slope, [slope, *neighbours], weight, regularisation)
+    worst = max(share, *others) if others else share
+    return Certificate(worst + uncertainty, share, worst - share, uncertainty)
 
 
 def contraction(
@@ -99,9 +111,19 @@ def contraction(
         Derivative of the displacement of the true stage.
 
     """
+    return _contractions(slope, [true_slope], weight, regularisation)[0]
+
+
+def _contractions(
+    slope: NDArray[np.float64], others: Sequence[NDArray[np.float64]],
+    weight: NDArray[np.float64], regularisation: float,
+) -> list[float]:
+    """Return gamma for each of some slopes."""
     weighted = (weight / weight.size)[:, None] * slope
-    normal = slope.T @ weighted + regularisation * np.eye(slope.shape[1])
-    root = np.linalg.cholesky(normal)
-    inner = solve_triangular(
-        root, solve_triangular(root, (weighted.T @ true_slope).T, lower=True).T, lower=True)
-    return float(np.linalg.norm(np.eye(slope.shape[1]) - inner, 2))
+    eye = np.eye(slope.shape[1])
+    root = np.linalg.cholesky(slope.T @ weighted + regularisation * eye)
+    left = solve_triangular(root, weighted.T, lower=True)
+    return [
+        float(np.linalg.norm(
+            eye - solve_triangular(root, (left @ other).T, lower=True).T, 2))
+        for other in others]

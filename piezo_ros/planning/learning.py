@@ -20,9 +20,10 @@ the model,
 
     c <- c + mu d,   d = argmin mean of w (e - J d)^2 + lambda |d|^2 within the limits,
 
-J being the slope of the model at these coefficients. The best run is kept. A run that does not pay
-is judged only after the best one has been measured again: of a stage that drifts, an old best
-misleads. mu is halved where the error rises, and after two runs that do not pay learning ends.
+J being the slope of the model at these coefficients; beside feedback S J, which takes its part of
+every change. The best run is kept. A run that does not pay is judged only after the best one has
+been measured again: of a stage that drifts, an old best misleads. mu is halved where the error
+rises, and after two runs that do not pay learning ends.
 """
 
 import math
@@ -32,6 +33,7 @@ from typing import Final, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from piezo_ros.planning.aligned_feedback import filtered
 from piezo_ros.planning.constrained_step import constrained_step
 from piezo_ros.planning.periodic_plan import (
     PeriodicPlan,
@@ -132,6 +134,8 @@ class Learner:
         The identified stage.
     plan : PeriodicPlan
         Where it begins.
+    sensitivity : ndarray of complex, shape (P//2 + 1,), optional
+        S at the harmonics, of feedback that takes its part of every change of the voltage.
 
     Attributes
     ----------
@@ -146,6 +150,7 @@ class Learner:
 
     stage: PeriodicStage
     plan: PeriodicPlan
+    sensitivity: NDArray[np.complex128] | None = None
     step: float = 1.0
     runs: int = 0
     is_done: bool = False
@@ -189,6 +194,8 @@ class Learner:
         plan = self.plan
         basis = plan.basis(plan.reference_um.size)
         slope = self.stage.linearise(basis @ tried.coefficients_v, basis).slope
+        if self.sensitivity is not None:
+            slope = filtered(self.sensitivity, slope)
         return constrained_step(
             slope, tried.measured.error_um, plan.weight, regularisation_of(slope), basis,
             tried.coefficients_v, plan.limits, plan.sample_period_s)

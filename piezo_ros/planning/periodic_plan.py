@@ -26,8 +26,8 @@ limits). The command that is played is v = H(u): its inverse in the compensator 
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Final
+from dataclasses import dataclass, field, replace
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,67 +35,45 @@ from numpy.typing import NDArray
 from piezo_ros.model import HysteresisParameters, MaxwellResistiveCapacitor
 from piezo_ros.planning.certificate import Certificate, certificate
 from piezo_ros.planning.constrained_step import AmplifierLimits, constrained_step
+from piezo_ros.planning.harmonics import (
+    harmonic_basis,
+    orders_of_band,
+    repeating_samples,
+    sample_turns,
+)
 from piezo_ros.planning.periodic_stage import LinearisedAnswer, PeriodicStage
 
 __all__ = [
-    'PeriodicPlan', 'harmonic_basis', 'known_plan', 'orders_of_band', 'plan_periodic',
-    'regularisation_of', 'repeating_samples', 'weighted_rms_um',
+    'PeriodicPlan', 'PlanAccuracy', 'harmonic_basis', 'known_plan', 'orders_of_band',
+    'plan_periodic', 'regularisation_of', 'repeating_samples', 'weighted_rms_um',
 ]
 
 _ITERATIONS: Final = 12
 _SETTLED: Final = 1e-4  # relative change of the error at which the plan is done
 _REGULARISATION: Final = 1e-4  # of the mean square sensitivity
-_MOST_SAMPLES: Final = 20_000
 _FIRST_SHARE: Final = 0.5
+# Voltages about the plan, by which elements of the stage may slip that do not in the model.
+_NEIGHBOURS: Final = (0.95, 0.965, 0.98, 0.99, 1.01, 1.02, 1.035, 1.05)
 
 
-def repeating_samples(frequency_hz: float, sample_period_s: float) -> int:
+class PlanAccuracy(NamedTuple):
     """
-    Return after how many samples a periodic scan repeats itself sample by sample.
+    What is known of the errors of model and sensor.
 
-    Parameters
+    Attributes
     ----------
-    frequency_hz : float
-        Frequency of the scan.
-    sample_period_s : float
-        Sample period, seconds.
-
-    Raises
-    ------
-    ValueError
-        If it takes more than 20 000 samples.
-
-    Examples
-    --------
-    >>> repeating_samples(300.0, 1e-5)  # three periods
-    1000
+    uncertainty : float
+        Largest relative error of the model in the band.
+    uncertainty_percent : float
+        What that leaves at most of the scan, percent of the peak-to-peak reference.
+    noise_rms_um : float
+        Noise of the sensor.
 
     """
-    samples = 1.0 / (frequency_hz * sample_period_s)
-    for periods in range(1, max(math.floor(_MOST_SAMPLES / samples), 1) + 1):
-        whole = round(periods * samples)
-        if abs(periods * samples - whole) < 1e-7 * whole:
-            return whole
-    raise ValueError(
-        f'frequency_hz is {frequency_hz}: at a sample period of {sample_period_s:g} s it does not '
-        f'repeat within {_MOST_SAMPLES} samples; {1.0 / (round(samples) * sample_period_s):.9g} Hz '
-        'does')
 
-
-def harmonic_basis(turns: NDArray[np.float64], orders: NDArray[np.int64]) -> NDArray[np.float64]:
-    """
-    Return cosines, then sines, of the harmonics at given turns, shape (N, M).
-
-    Parameters
-    ----------
-    turns : ndarray, shape (N,)
-        Time over the period.
-    orders : ndarray of int, shape (K,)
-        Orders of the harmonics, rising; 0 has no sine, M = 2 K or 2 K - 1.
-
-    """
-    angle = 2.0 * np.pi * np.outer(turns, orders)
-    return np.hstack([np.cos(angle), np.sin(angle[:, orders > 0])])
+    uncertainty: float = 0.0
+    uncertainty_percent: float = 0.0
+    noise_rms_um: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -122,6 +100,8 @@ class PeriodicPlan:
         reference.
     certificate : Certificate
         Whether learning on the stage is certain to lessen the error.
+    accuracy : PlanAccuracy
+        What is known of the errors of model and sensor.
 
     """
 
@@ -135,11 +115,33 @@ class PeriodicPlan:
     limits: AmplifierLimits
     truncation_percent: float
     certificate: Certificate
+    accuracy: PlanAccuracy = field(default_factory=PlanAccuracy)
 
     @property
     def predicted_nrmse_percent(self) -> float:
         """Error of the prediction, percent of the peak-to-peak reference."""
         return self._percent(self.reference_um - self.displacement_um)
+
+    @property
+    def limits_percent(self) -> float:
+        """The share of the prediction that the limits of the amplifier cause."""
+        return math.sqrt(max(self.predicted_nrmse_percent**2 - self.truncation_percent**2, 0.0))
+
+    @property
+    def noise_percent(self) -> float:
+        """Noise of the sensor, percent of the peak-to-peak reference."""
+        return 100.0 * self.accuracy.noise_rms_um / float(np.ptp(self.reference_um))
+
+    @property
+    def measured_nrmse_percent(self) -> float:
+        """What a run is expected to measure: the prediction and the noise of the sensor."""
+        return math.hypot(self.predicted_nrmse_percent, self.noise_percent)
+
+    @property
+    def highest_nrmse_percent(self) -> float:
+        """What a run measures where the model is as wrong as its uncertainty allows."""
+        return math.hypot(
+            self.predicted_nrmse_percent + self.accuracy.uncertainty_percent, self.noise_percent)
 
     @property
     def line_nrmse_percent(self) -> float:
@@ -166,7 +168,7 @@ class PeriodicPlan:
     def basis(self, samples: int) -> NDArray[np.float64]:
         """Return the voltage by coefficient of the first samples of a run, shape (samples, M)."""
         return harmonic_basis(
-            _turns(samples, self.frequency_hz, self.sample_period_s), self.orders)
+            sample_turns(samples, self.frequency_hz, self.sample_period_s), self.orders)
 
     def voltage_v(self, samples: int) -> NDArray[np.float64]:
         """Return the voltage of the first samples of a run, deviations, shape (samples,)."""
@@ -236,46 +238,11 @@ def _percent_of(error_um: NDArray[np.float64], reference_um: NDArray[np.float64]
     return 100.0 * float(np.sqrt(np.mean(error_um**2)) / np.ptp(reference_um))
 
 
-def _turns(
-    samples: int, frequency_hz: float, sample_period_s: float,
-) -> NDArray[np.float64]:
-    return np.arange(samples, dtype=np.float64) * (frequency_hz * sample_period_s)
-
-
-def orders_of_band(
-    band_hz: float, frequency_hz: float, sample_period_s: float, *, is_symmetric: bool,
-) -> NDArray[np.int64]:
-    """
-    Return the orders of the harmonics of a band, shape (K,).
-
-    Parameters
-    ----------
-    band_hz, frequency_hz : float
-        Highest frequency of the voltage and frequency of the scan.
-    sample_period_s : float
-        Sample period, seconds.
-    is_symmetric : bool
-        Whether odd harmonics are enough; else all are taken, and a mean.
-
-    Raises
-    ------
-    ValueError
-        If the band has no harmonic.
-
-    """
-    highest = math.floor(min(band_hz, 0.5 / sample_period_s * (1.0 - 1e-9)) / frequency_hz)
-    if not highest:
-        raise ValueError(
-            f'band_hz is {band_hz:g}: it must be at least frequency_hz, {frequency_hz:g} Hz, and '
-            'both below the Nyquist frequency')
-    return np.arange(1, highest + 1, 2) if is_symmetric else np.arange(highest + 1)
-
-
 def plan_periodic(
     stage: PeriodicStage, reference_um: NDArray[np.float64], frequency_hz: float,
     sample_period_s: float, *, band_hz: float, limits: AmplifierLimits | None = None,
-    weight: Sequence[float] | NDArray[np.float64] | None = None, uncertainty: float = 0.0,
-    is_symmetric: bool = True,
+    weight: Sequence[float] | NDArray[np.float64] | None = None,
+    accuracy: PlanAccuracy | None = None, is_symmetric: bool = True,
 ) -> PeriodicPlan:
     """
     Return the voltage that brings a stage along a periodic reference within limits.
@@ -295,8 +262,8 @@ def plan_periodic(
         What the voltage keeps; nothing by default.
     weight : array_like, shape (P,), optional
         Weight of each sample's squared error, 1 by default; small where the scan may turn freely.
-    uncertainty : float, optional
-        Largest relative error of the model in the band, for the certificate.
+    accuracy : PlanAccuracy, optional
+        What is known of the errors of model and sensor; none by default.
     is_symmetric : bool, optional
         Whether stage and reference are the same upside down, so that odd harmonics are enough.
 
@@ -319,7 +286,7 @@ def plan_periodic(
             'samples')
     orders = orders_of_band(band_hz, frequency_hz, sample_period_s, is_symmetric=is_symmetric)
     weights = np.ones(stage.samples) if weight is None else np.asarray(weight, dtype=np.float64)
-    basis = harmonic_basis(_turns(stage.samples, frequency_hz, sample_period_s), orders)
+    basis = harmonic_basis(sample_turns(stage.samples, frequency_hz, sample_period_s), orders)
     start = _start(stage, reference_um, basis, orders)
     coefficients, answer = _descend(
         stage, reference_um, weights, basis, start, AmplifierLimits(), sample_period_s)
@@ -331,35 +298,39 @@ def plan_periodic(
     return known_plan(
         stage, reference_um, frequency_hz, sample_period_s, orders=orders,
         coefficients_v=coefficients, truncation_percent=truncation_percent, limits=kept,
-        weight=weights, uncertainty=uncertainty)
+        weight=weights, accuracy=accuracy or PlanAccuracy())
 
 
 def known_plan(
     stage: PeriodicStage, reference_um: NDArray[np.float64], frequency_hz: float,
     sample_period_s: float, *, orders: NDArray[np.int64], coefficients_v: NDArray[np.float64],
     truncation_percent: float, limits: AmplifierLimits, weight: NDArray[np.float64],
-    uncertainty: float,
+    accuracy: PlanAccuracy,
 ) -> PeriodicPlan:
     """
     Return a plan of known coefficients, with its prediction and its certificate.
 
     Parameters
     ----------
-    stage, reference_um, frequency_hz, sample_period_s, uncertainty
+    stage, reference_um, frequency_hz, sample_period_s, accuracy
         As for `plan_periodic`.
     orders, coefficients_v, truncation_percent, limits, weight
         As in `PeriodicPlan`.
 
     """
-    basis = harmonic_basis(_turns(stage.samples, frequency_hz, sample_period_s), orders)
-    answer = stage.linearise(basis @ coefficients_v, basis)
+    basis = harmonic_basis(sample_turns(stage.samples, frequency_hz, sample_period_s), orders)
+    voltage_v = basis @ coefficients_v
+    answer = stage.linearise(voltage_v, basis)
+    neighbours = [stage.linearise(share * voltage_v, basis).slope for share in _NEIGHBOURS]
     return PeriodicPlan(
         frequency_hz=frequency_hz, sample_period_s=sample_period_s, orders=orders,
         coefficients_v=coefficients_v, reference_um=reference_um,
         displacement_um=answer.displacement_um, weight=weight, limits=limits,
         truncation_percent=truncation_percent,
         certificate=certificate(
-            answer.slope, weight, regularisation_of(answer.slope), uncertainty))
+            answer.slope, weight, regularisation_of(answer.slope), accuracy.uncertainty,
+            neighbours),
+        accuracy=accuracy)
 
 
 def regularisation_of(slope: NDArray[np.float64]) -> float:

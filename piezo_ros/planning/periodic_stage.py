@@ -122,6 +122,11 @@ class PeriodicStage:
         self._width_um = np.array(limited) * np.array(hysteresis.saturation_v)
         self.samples = samples
 
+    @property
+    def linear_response(self) -> NDArray[np.complex128]:
+        """What stands before and behind the hysteresis, at the harmonics, shape (P//2 + 1,)."""
+        return np.asarray(self._before * self._behind)
+
     def answer(self, voltage_v: _Floats) -> _Floats:
         """Return the periodic displacement, shape (P,), micrometres."""
         free_um = self._free(self._filtered(self._before, voltage_v))[self.samples:]

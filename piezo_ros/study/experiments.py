@@ -60,7 +60,7 @@ from piezo_ros.study.results import (
 )
 from piezo_ros.study.table_4 import SCHEMES, table_cells
 
-__all__ = ['CREEP', 'run_experiments']
+__all__ = ['CREEP', 'PaperExperiments', 'run_experiments', 'run_error_percent']
 
 Execute = Callable[[Sequence[PlannedRun]], Iterator[Run]]
 _Floats = NDArray[np.float64]
@@ -107,7 +107,7 @@ def run_experiments(
         All results.
 
     """
-    study = _Experiments(base, execute)
+    study = PaperExperiments(base, execute)
     uncompensated, compensated = study.static_loops()
     hysteresis = study.hysteresis()
     inverse = {
@@ -155,7 +155,7 @@ def run_experiments(
         points=points, trials=study.trials(points, inverse, model), scans=study.scans())
 
 
-class _Experiments:
+class PaperExperiments:
     """The runs of the study, group by group."""
 
     def __init__(self, base: Mapping[str, Mapping[str, Any]], execute: Execute) -> None:
@@ -219,13 +219,19 @@ class _Experiments:
         self, name: str, inverse: Mapping[str, Any], amplitudes_um: Sequence[float],
     ) -> DynamicsFit:
         """Identify G behind an inverse, at amplitudes that no limit touches."""
+        return fit_dynamics(merge(self.wide_responses(name, inverse, amplitudes_um)))
+
+    def wide_responses(
+        self, name: str, inverse: Mapping[str, Any], amplitudes_um: Sequence[float],
+    ) -> list[FrequencyResponse]:
+        """Return the responses behind an inverse up to 8 kHz, one for each amplitude."""
         runs = self._execute([
             self._plan(f'identify_dynamics_{name}_{amplitude_um:g}um', {
                 'scheme': 'open_loop', 'waveform': 'stepped_sine', 'harmonics': 0,
                 'amplitude_um': amplitude_um, 'dwell_s': 0.05, 'compensator': inverse,
                 'trajectory': {'frequencies_hz': _WIDE_FREQUENCIES_HZ}})
             for amplitude_um in amplitudes_um])
-        return fit_dynamics(merge([recorded_response(run) for run in runs]))
+        return [recorded_response(run) for run in runs]
 
     def closed_loop(self) -> FrequencyResponse:
         """Return Fig. 9: reference to displacement under feedback alone."""
@@ -270,7 +276,7 @@ class _Experiments:
                 self._scan_plan(f'harmonics_{m}', 'triangle', 'ff', *cell, {
                     'compensator': inverse, 'trajectory': model, 'harmonics': m})
                 for m in harmonics])
-            trials.append(HarmonicsTrial(point, harmonics, tuple(map(_error, runs))))
+            trials.append(HarmonicsTrial(point, harmonics, tuple(map(run_error_percent, runs))))
         return tuple(trials)
 
     def table_4(
@@ -302,7 +308,7 @@ class _Experiments:
             self._scan_plan(name, waveform, scheme, *cell, {
                 **more, **({} if harmonics is None else {'harmonics': harmonics[row][scheme]})})
             for row, cell in enumerate(cells) for scheme in SCHEMES]
-        errors = [_error(run) for run in self._execute(planned)]
+        errors = [run_error_percent(run) for run in self._execute(planned)]
         return np.array(errors).reshape(len(cells), len(SCHEMES))
 
     def _scan_plan(
@@ -321,7 +327,8 @@ class _Experiments:
         return plan_run(base, entry, where=f'study: {name}', number=0, name=name)
 
 
-def _error(run: Run) -> float:
+def run_error_percent(run: Run) -> float:
+    """Return the NRMSE of the last four periods of a run, as the paper measures it."""
     frequency_hz = recorded_parameters(run, 'trajectory', TrajectoryParameters).frequency_hz
     window = tail(run.samples, frequency_hz, run.sample_period_s, SCORE_PERIODS)
     return _PERCENT * nrmse(run.reference_um[window], run.displacement_um[window])

@@ -15,6 +15,7 @@
 """``piezo learn``: runs that improve a planned scan, interrupted and resumed, offline and live."""
 
 import json
+import re
 import shutil
 from pathlib import Path
 
@@ -66,6 +67,17 @@ def test_few_runs_improve_a_scan_and_the_best_is_kept(scan, capsys):
     shutil.copy('learned/best.yaml', scan)
     assert learn('--runs', '1', directory='again') == 0
     assert errors('again')[0] == pytest.approx(min(percent), abs=0.02)
+
+
+def test_the_factor_over_the_best_feedforward_is_that_of_the_two_bags(scan, capsys):
+    assert learn('--runs', '2', '--compare') == 0
+    found = re.search(
+        r'm = (\d+), .* NRMSE ([\d.]+) % over 4 periods, ([\d.]+) times that of run 001',
+        capsys.readouterr().out)
+    percent, factor = float(found[2]), float(found[3])
+    assert factor == pytest.approx(percent / errors()[1], rel=0.1)
+    assert factor > 2.0
+    assert (Path('learned') / 'bags' / 'feedforward').is_dir()
 
 
 def test_an_interrupted_learning_goes_on_where_it_was(scan, capsys):
@@ -120,3 +132,17 @@ def test_live_runs_have_the_bits_of_the_offline_ones(scan):
     assert learn('--runs', '2', '--composed', directory='live', offline=False) == 0
     for name in ('best.npz', 'learning.json'):
         assert (Path('live') / name).read_bytes() == (Path('offline') / name).read_bytes()
+
+
+def test_learning_beside_feedback_needs_delays_that_agree(scan, capsys):
+    assert learn('--scheme', 'fbff') == 1
+    assert 'reference_delay_samples is 0, beside a planned scan it must equal' in (
+        capsys.readouterr().err)
+    assert not Path('learned').exists()
+    Path('feedback.yaml').write_text(parameters_yaml(
+        '/**', {'controller': {'reference_delay_samples': 1}}))
+    assert learn('--scheme', 'fbff', '--parameters', 'feedback.yaml', '--runs', '3') == 0
+    percent = errors()
+    assert min(percent) < 0.16
+    assert learn('--resume') == 1
+    assert 'its runs are under the scheme fbff, not ff' in capsys.readouterr().err

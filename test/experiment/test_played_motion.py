@@ -14,11 +14,18 @@
 
 """A motion out of a file in a whole run: planned, simulated, refused."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from piezo_ros.control import ControllerParameters, TrajectoryParameters, simulate
-from piezo_ros.control.tables.motion_table import MotionTable, MotionTableError, write_motion_table
+from piezo_ros.control.tables.motion_table import (
+    MotionTable,
+    MotionTableError,
+    read_motion_table,
+    write_motion_table,
+)
 from piezo_ros.control.trajectory_blocks import trajectory_blocks
 from piezo_ros.experiment.plan import read_plan
 from piezo_ros.model import HysteresisParameters, ParameterError, RigParameters
@@ -186,3 +193,39 @@ def test_a_plan_names_a_file_that_is_not_there(tmp_path):
     (tmp_path / 'plan.yaml').write_text(PLAN.format(file='none.npz'))
     with pytest.raises(PlanError, match='none.npz: No such file'):
         read_plan(tmp_path / 'plan.yaml')
+
+
+def changed_plan(tmp_path, path, factor, at_sample=650):
+    table = read_motion_table(path, PERIOD_S)
+    other = tmp_path / 'other.npz'
+    write_motion_table(other, replace(table, command_um=factor * table.command_um))
+    plan = tmp_path / 'plan.yaml'
+    plan.write_text(PLAN.format(file=path) + (
+        f'    changes:\n      - {{at_sample: {at_sample}, file: {other}}}\n'
+        '      - {at_sample: 700, proportional_gain: 0.3}\n'))
+    return plan, other
+
+
+def test_a_plan_lists_another_file_beside_other_gains(motion, tmp_path):
+    path, table = motion
+    plan, other = changed_plan(tmp_path, path, 1.01)
+    (run,) = read_plan(plan).runs
+    assert 'another file from sample 650 on' in run.description
+    assert [change.at_sample for change in run.changes] == [700]
+    _, command_um = trajectory_blocks(run.trajectory)(0, 800)
+    expected = table.command_um[[table.place(k) for k in range(800)]]
+    expected[650:] = read_motion_table(other, PERIOD_S).command_um[
+        [table.place(k) for k in range(650, 800)]]
+    np.testing.assert_array_equal(command_um, expected)
+
+
+@pytest.mark.parametrize(('factor', 'at_sample', 'culprit'), [
+    (9.0, 650, 'other.npz: it reaches'),
+    (2.5, 650, 'other.npz: command_um steps by'),
+    (1.01, 800, 'other.npz: at_sample is 800, the run has 800 samples'),
+])
+def test_a_plan_with_a_bad_table_is_refused_before_anything_runs(
+        motion, tmp_path, factor, at_sample, culprit):
+    plan, _ = changed_plan(tmp_path, motion[0], factor, at_sample)
+    with pytest.raises(PlanError, match=culprit):
+        read_plan(plan)

@@ -32,12 +32,8 @@ from piezo_ros.planning.constrained_step import (
     AmplifierLimits,
     constrained_step,
 )
-from piezo_ros.planning.periodic_plan import (
-    harmonic_basis,
-    plan_periodic,
-    regularisation_of,
-    repeating_samples,
-)
+from piezo_ros.planning.harmonics import harmonic_basis, repeating_samples
+from piezo_ros.planning.periodic_plan import PlanAccuracy, plan_periodic, regularisation_of
 from piezo_ros.planning.periodic_stage import PeriodicStage, gain
 
 PERIOD_S = 1e-5
@@ -201,7 +197,7 @@ def test_a_free_turn_lessens_the_error_of_the_lines():
 
 def test_learning_with_the_model_of_another_stage_contracts_as_certified():
     samples = repeating_samples(500.0, PERIOD_S)
-    plan = planned(1.0, 500.0, uncertainty=0.4)
+    plan = planned(1.0, 500.0, accuracy=PlanAccuracy(uncertainty=0.4))
     basis = harmonic_basis(
         np.arange(samples) * 500.0 * PERIOD_S, plan.orders)
     slope = stage_of(RIG, samples).linearise(plan.period_voltage_v, basis).slope

@@ -47,9 +47,13 @@ COMMANDS = (
     ('tune', (
         'tune trajectory.yaml --compensator compensator.yaml --plant rig.yaml --bound none '
         '--sample-period-s 1e-4 --frequencies-hz 14 28 57 110 -o controller.yaml')),
+    ('plan', (
+        'plan trajectory.yaml --compensator compensator.yaml --plant rig.yaml --amplitude-um 8 '
+        '--frequency-hz 200 --sample-period-s 1e-4 -o fast.yaml')),
+    ('learn', 'learn fast.yaml --parameters rig.yaml --runs 3 --compare --offline -o learned'),
 )
 _BLOCK = re.compile(r'(<!-- printed: (\w+) -->\n\n)(.*?)(\n\n<!-- end -->)', re.DOTALL)
-_FILES = re.compile(r'^(model|gains): .*\n?', re.MULTILINE)
+_FILES = re.compile(r'^(model|gains|scan): .*\n?', re.MULTILINE)
 
 
 def printed_outputs(directory, commands=COMMANDS):

@@ -12,4 +12,4 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What several commands have in common: options of bags, exit codes, the line of progress."""
+"""Parts of commands: options of bags, exit codes, the line of progress, predicted errors."""

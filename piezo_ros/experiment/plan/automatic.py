@@ -25,6 +25,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from piezo_ros.control import ControllerParameters, TrajectoryParameters
 from piezo_ros.control.shapes.fourier_series import PERIODIC
+from piezo_ros.experiment.plan.planned_run import play_planned
 from piezo_ros.model import (
     CompensatorParameters,
     DynamicsParameters,
@@ -283,8 +284,12 @@ def decide(
         prediction = predict(
             rig, run.compensator, run.controller, run.trajectory, undecided, bound=known.bound,
             accuracy=known.accuracy, score_periods=score_periods)
+        played = None if 'harmonics' not in undecided else play_planned(
+            run, rig, prediction, score_periods, bound=known.bound, accuracy=known.accuracy)
     except ValueError as error:
         raise PlanError(f'{where}: {" and ".join(undecided)} auto: {error}') from None
+    if played is not None:
+        return played
     parameters = {node: dict(values) for node, values in run.parameters.items()}
     parameters['controller']['scheme'] = prediction.chosen.scheme
     parameters['trajectory']['harmonics'] = prediction.chosen.harmonics

@@ -44,7 +44,7 @@ _PLAN_KEYS: Final = (
 _KEYS_OF_RUNS: Final = (
     'runs', 'known_rig_files', 'uncertainty_bound_file', 'sweep', 'scans', 'scan_defaults')
 _NOT_OF_SCANS: Final = ('runs', 'sweep', 'score_periods', 'uncertainty_bound_file')
-STUDIES: Final = ('paper',)
+STUDIES: Final = ('paper', 'beyond')
 # A sweep draws more of them, and keeps none in memory.
 _MOST_RUNS: Final = 10_000
 _LONGEST_TITLE: Final = 500

@@ -54,6 +54,7 @@ _AXIS_KEYS: Final = {
 _WAVEFORMS: Final = ('triangle', 'sine')
 _MOST_SCANS: Final = 1000
 _SOFT_START_PERIODS: Final = 2.0
+_SCORED_PERIODS: Final = 1.0  # the image is scored; a slow axis goes over it once
 
 _Sections = Mapping[str, Mapping[str, Any]]
 _ReadSections = Callable[[Mapping[str, Any], str, Sequence[str]], dict[str, dict[str, Any]]]
@@ -108,7 +109,8 @@ class Axis:
         entry = {**self.entry, **values}
         for node, parameters in (nodes or {}).items():
             entry[node] = {**entry.get(node, {}), **parameters}
-        return plan_run(self.base, entry, where=self.where, number=0, name=name)
+        return plan_run(
+            self.base, entry, where=self.where, number=0, name=name, score_periods=_SCORED_PERIODS)
 
     def known_rig(self, run: PlannedRun) -> RigParameters:
         """

@@ -20,7 +20,8 @@ from typing import Any, Final
 
 from piezo_ros.control.changes import changes_text, segments
 from piezo_ros.control.tables.motion_table import MotionTable, MotionTableError
-from piezo_ros.control.trajectory import trajectory_constants
+from piezo_ros.control.trajectory import TrajectoryParameters, trajectory_constants
+from piezo_ros.control.trajectory_blocks import ChangingTable
 from piezo_ros.control.waveform import FILE, motion_of
 from piezo_ros.experiment.plan.automatic import (
     Known,
@@ -64,6 +65,8 @@ SHORT_KEYS: Final = {
     'settle_s': 'trajectory',
 }
 _CHANGES: Final = 'changes'
+_FILE: Final = 'file'  # of a change: that of the trajectory
+_BESIDE_FEEDBACK: Final = 2.0  # largest step of a table, over what the amplifier can
 # Every key that the entry of a run may have.
 RUN_KEYS: Final = (*SHORT_KEYS, *LOOP_NODES, _CHANGES)
 
@@ -108,7 +111,10 @@ def plan_run(
         if key in SHORT_KEYS:
             values[SHORT_KEYS[key]][key] = value
     if _CHANGES in entry:
-        values['controller'][_CHANGES] = _changes(where, entry[_CHANGES])
+        gains, files = _changes(where, entry[_CHANGES])
+        values['controller'][_CHANGES] = gains
+        if files:
+            values['trajectory']['file_changes'] = files
     undecided = take_out_automatic(values)
     parameters = {node: checked_parameters(where, node, values[node]) for node in LOOP_NODES}
     periods = {node: parameters[node]['sample_period_s'] for node in LOOP_NODES}
@@ -126,13 +132,15 @@ def plan_run(
     return run if name else replace(run, name=_name(run, number))
 
 
-def _changes(where: str, entries: Any) -> str:
-    """Return the changes of a run as the parameter of the controller wants them."""
+def _changes(where: str, entries: Any) -> tuple[str, str]:
+    """Return the changes of a run as the parameters of controller and trajectory want them."""
     if not isinstance(entries, list) or not all(isinstance(each, Mapping) for each in entries):
         raise PlanError(
             f'{where}: changes is {entries!r}, it must be a list of mappings, each with at_sample')
     try:
-        return changes_text(entries)
+        return (
+            changes_text(each for each in entries if _FILE not in each),
+            changes_text(each for each in entries if _FILE in each))
     except TypeError as error:
         raise PlanError(f'{where}: changes is {entries!r}: {error}') from None
 
@@ -183,32 +191,45 @@ def _check_travel(where: str, run: PlannedRun, score_periods: float) -> None:
 
 
 def _check_motion(where: str, run: PlannedRun, score_periods: float) -> None:
-    """Refuse a motion out of a file that the stage cannot make, or that cannot be scored."""
-    trajectory, plant = run.trajectory, run.plant
+    """Refuse motions out of files that the stage cannot make, or that cannot be scored."""
+    trajectory = run.trajectory
     try:
-        motion = motion_of(trajectory)
-        beside_um = abs(trajectory.offset_um)
-        if not 0.0 < motion.greatest_um <= plant.reach_um - beside_um:
-            beside = f', beside the offset of {beside_um:g} um,' if beside_um else ''
-            raise MotionTableError(
-                f'{trajectory.file}: it reaches {motion.greatest_um:g} um, it must be above 0, and '
-                f'the stage travels{beside} {plant.reach_um:g} um to either side of its operating '
-                'point')
-        trajectory_constants(trajectory)  # says what does not go with its commands
-        _check_commands(run, motion)
-        if plant.slew_limit_v_per_s:
-            # Where every element slips, the stage moves farthest for a volt.
-            most_um = (
-                plant.slew_limit_v_per_s * trajectory.sample_period_s * plant.kappa_um_per_v[-1])
-            motion.check_steps(most_um, trajectory.file)
-            if motion.command_um is not None or not trajectory.ramp_periods:
-                motion.check_start(most_um, trajectory.offset_um, trajectory.file)
-        motion.check_period(trajectory.frequency_hz, score_periods, trajectory.file)
+        for file in (trajectory.file, *(change.file for change in trajectory.table_changes)):
+            _check_table(run, trajectory.replaced(file=file, file_changes=''), score_periods)
+        if trajectory.file_changes:
+            ChangingTable(trajectory)  # refuses what cannot follow
     except ParameterError as error:
         raise PlanError(f'{where}: {error}') from None
 
 
-def _check_commands(run: PlannedRun, motion: MotionTable) -> None:
+def _check_table(
+    run: PlannedRun, trajectory: TrajectoryParameters, score_periods: float,
+) -> None:
+    """Refuse one of the files that a run plays."""
+    plant, file = run.plant, trajectory.file
+    motion = motion_of(trajectory)
+    beside_um = abs(trajectory.offset_um)
+    if not 0.0 < motion.greatest_um <= plant.reach_um - beside_um:
+        beside = f', beside the offset of {beside_um:g} um,' if beside_um else ''
+        raise MotionTableError(
+            f'{file}: it reaches {motion.greatest_um:g} um, it must be above 0, and the stage '
+            f'travels{beside} {plant.reach_um:g} um to either side of its operating point')
+    trajectory_constants(trajectory)  # says what does not go with its commands
+    _check_commands(run, motion, file)
+    if plant.slew_limit_v_per_s:
+        # Where every element slips, the stage moves farthest for a volt.
+        most_um = plant.slew_limit_v_per_s * trajectory.sample_period_s * plant.kappa_um_per_v[-1]
+        # A table that is played beside feedback has what this takes away again.
+        share = _BESIDE_FEEDBACK if run.controller.uses_feedback else 1.0
+        motion.check_steps(share * most_um, file)
+        # Another file follows at a later sample, where the run does not begin at rest.
+        is_first = file == run.trajectory.file
+        if is_first and (motion.command_um is not None or not trajectory.ramp_periods):
+            motion.check_start(most_um, trajectory.offset_um, file)
+    motion.check_period(trajectory.frequency_hz, score_periods, file)
+
+
+def _check_commands(run: PlannedRun, motion: MotionTable, file: str) -> None:
     """Refuse commands of a motion that the controller would cut off."""
     law = run.controller
     if motion.command_um is None or not law.uses_feedforward:
@@ -218,7 +239,7 @@ def _check_commands(run: PlannedRun, motion: MotionTable) -> None:
             (float(motion.command_um.min()), motion.command_um.min() < law.command_minimum_um)):
         if bad:
             raise MotionTableError(
-                f'{run.trajectory.file}: command_um is {value_um:g} um, the controller allows '
+                f'{file}: command_um is {value_um:g} um, the controller allows '
                 f'{law.command_minimum_um:g} … {law.command_maximum_um:g} um '
                 '(command_minimum_um, command_maximum_um)')
 

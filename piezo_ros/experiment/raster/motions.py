@@ -35,7 +35,6 @@ from piezo_ros.experiment.planned_scan import (
     ScanRequest,
     limits_of,
     motion_of,
-    planned_scan,
 )
 from piezo_ros.experiment.raster.slow_axis import (
     LEAD_LINES,
@@ -44,10 +43,11 @@ from piezo_ros.experiment.raster.slow_axis import (
     slow_motion,
     slow_reference_um,
 )
-from piezo_ros.model import DynamicsParameters, HysteresisParameters
+from piezo_ros.model import DynamicsParameters, HysteresisParameters, RigParameters
 from piezo_ros.parameters.errors import PlanError
 from piezo_ros.parameters.run import PlannedRun
 from piezo_ros.planning.periodic_plan import PeriodicPlan
+from piezo_ros.planning.scan import plan_for_rig
 
 __all__ = ['PlannedFastAxis', 'RasterMotions', 'ReadyScan', 'check_scans']
 
@@ -107,7 +107,7 @@ class RasterMotions:
     """
 
     directory: Path
-    _plans: dict[ScanRequest, PeriodicPlan] = field(default_factory=dict)
+    _plans: dict[tuple[ScanRequest, RigParameters], PlannedFastAxis] = field(default_factory=dict)
 
     def ready(self, scan: RasterScan) -> ReadyScan:
         """
@@ -184,11 +184,11 @@ class RasterMotions:
                 hysteresis=HysteresisParameters.among(values), limits=limits_of(known),
                 band_hz=scan.band_hz,
                 free_turn=scan.free_turn, ramp_periods=trajectory.ramp_periods)
-            if request not in self._plans:
-                self._plans[request] = planned_scan(request)
+            if (request, known) not in self._plans:
+                self._plans[request, known] = PlannedFastAxis(*plan_for_rig(request, known))
         except ValueError as error:
             raise PlanError(f'{scan.fast.where}: {scan.fast.motion}: {error}') from None
-        return PlannedFastAxis(request, self._plans[request])
+        return self._plans[request, known]
 
     def _slow_run(self, scan: RasterScan, lines: int, first_line: int) -> PlannedRun:
         name = f'{scan.name}_{SLOW}'

@@ -62,6 +62,7 @@ from piezo_ros.identification.tuning.feedback_table import (
 )
 from piezo_ros.identification.tuning.linear_plant import Bound, Model
 from piezo_ros.identification.tuning.loop_shape import LoopShape, loop_shape
+from piezo_ros.identification.tuning.pi_loop import Lead
 from piezo_ros.model import HysteresisParameters, LinearDynamics, RigParameters
 
 __all__ = [
@@ -110,7 +111,7 @@ class OperatingPoint:
 
     @property
     def scheme(self) -> str:
-        """The scheme of least predicted error: ``'ff'``, ``'fbff'`` or ``'fb'``."""
+        """The scheme of least predicted error: one of `predictions`."""
         errors = self.predicted_nrmse_percent
         return min(errors, key=lambda name: errors[name])
 
@@ -169,13 +170,13 @@ class OperatingPoint:
     def reason(self) -> str:
         """Why this scheme and this m, in one or two sentences."""
         sentences = []
-        if self.loop is not None:
+        if self.loop is not None or len(self.predictions) > 1:
             listed = ', '.join(
                 f'{name} {percent:.3g} %' for name, percent in self.predicted_nrmse_percent.items())
-            stability = (
-                f'|S| = 1 at {self.feedback_acceptable_frequency_hz:.4g} Hz' if self.loop.stable
-                else 'the loop is not stable')
-            sentences.append(f'{self.scheme} is predicted to err least: {listed}; {stability}')
+            stability = '' if self.loop is None else (
+                f'; |S| = 1 at {self.feedback_acceptable_frequency_hz:.4g} Hz' if self.loop.stable
+                else '; the loop is not stable')
+            sentences.append(f'{self.scheme} is predicted to err least: {listed}{stability}')
         parts = self.chosen.unknown
         sentences.append(f'expected between: {self.interval} %' + (
             f' (not known: {", ".join(parts)})' if parts else ''))
@@ -245,7 +246,8 @@ def predict_operating_point(
     loop = loop_shape(
         dynamics, controller.proportional_gain, controller.integral_gain_per_s,
         sample_period_s=trajectory.sample_period_s,
-        measurement_delay_samples=controller.measurement_delay_samples)
+        measurement_delay_samples=controller.measurement_delay_samples,
+        lead=Lead.of(controller))
     choices: dict[str, HarmonicsChoice] = {}
     predictions: dict[str, TrackingPrediction] = {}
     for scheme in _CANDIDATES if loop.stable else ('ff',):

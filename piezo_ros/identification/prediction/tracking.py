@@ -64,7 +64,7 @@ from piezo_ros.identification.prediction.accuracy import (
 )
 from piezo_ros.identification.prediction.placement import placements
 from piezo_ros.identification.tuning.linear_plant import Bound, Model, bound_magnitude
-from piezo_ros.identification.tuning.pi_loop import PiLoop
+from piezo_ros.identification.tuning.pi_loop import Lead, PiLoop
 from piezo_ros.model import HysteresisParameters, LinearDynamics, RigParameters
 from piezo_ros.model.effects.load import average_slew
 
@@ -290,13 +290,15 @@ def _by_spectra(
     gains = (controller.proportional_gain, controller.integral_gain_per_s)
     loop = PiLoop.of(
         model, *(gains if any(gains) else (1.0, 0.0)), period_s,
-        controller.measurement_delay_samples)
+        controller.measurement_delay_samples, Lead.of(controller))
     feedforward = _feedforward_gain(trajectory, order) * amplitude * controller.uses_feedforward
     sensitivity: _Complexes = np.ones(order.size, dtype=np.complex128)
     command = feedforward
     if controller.uses_feedback and any(gains):
         sensitivity = loop.sensitivity(frequency)
-        command = sensitivity * (feedforward + loop.controller_response(frequency) * amplitude)
+        compared = amplitude * np.exp(
+            -2j * np.pi * frequency * period_s * controller.reference_delay_samples)
+        command = sensitivity * (feedforward + loop.controller_response(frequency) * compared)
     elif controller.scheme == 'open_loop':
         command = amplitude.astype(np.complex128)
     output = loop.plant_response(frequency) * command

@@ -63,6 +63,11 @@ def controller_file(
         f'    proportional_gain: {yaml_number(loop.proportional_gain)}',
         f'    integral_gain_per_s: {yaml_number(loop.integral_gain_per_s)}',
     ]
+    if loop.lead:
+        lines += [
+            f'    lead_zero_hz: {yaml_number(loop.lead.zero_hz)}',
+            f'    lead_pole_hz: {yaml_number(loop.lead.pole_hz)}',
+        ]
     acceptable_hz = shape.feedback_acceptable_frequency_hz
     if table is None and math.isfinite(acceptable_hz):
         table = FeedbackTable((0.0,), (acceptable_hz,))

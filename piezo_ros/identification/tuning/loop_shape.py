@@ -44,7 +44,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq, minimize_scalar
 
 from piezo_ros.identification.tuning.linear_plant import Bound, Model, bound_magnitude
-from piezo_ros.identification.tuning.pi_loop import PiLoop
+from piezo_ros.identification.tuning.pi_loop import Lead, PiLoop
 
 __all__ = ['LoopShape', 'loop_shape']
 
@@ -112,6 +112,8 @@ class LoopShape:
         scalars: dict[str, float | bool | None] = {
             'proportional_gain': self.loop.proportional_gain,
             'integral_gain_per_s': self.loop.integral_gain_per_s,
+            'lead_zero_hz': self.loop.lead.zero_hz if self.loop.lead else 0.0,
+            'lead_pole_hz': self.loop.lead.pole_hz if self.loop.lead else 0.0,
             **{name: getattr(self, name) for name in names}}
         return {
             name: value if value is not None and math.isfinite(value) else None
@@ -126,6 +128,7 @@ def loop_shape(
     sample_period_s: float | None = None,
     measurement_delay_samples: int = 0,
     bound: Bound | None = None,
+    lead: Lead | None = None,
 ) -> LoopShape:
     """
     Return margins, bandwidth, sensitivity and robustness of a PI loop.
@@ -144,6 +147,8 @@ def loop_shape(
         Age of the measurement.
     bound : UncertaintyBound, control.TransferFunction or callable, optional
         W(s), (19) in Liu 2015, or its magnitude as a function of the frequency in hertz.
+    lead : Lead, optional
+        Lead section before the gains.
 
     Returns
     -------
@@ -158,7 +163,8 @@ def loop_shape(
 
     """
     loop = PiLoop.of(
-        model, proportional_gain, integral_gain_per_s, sample_period_s, measurement_delay_samples)
+        model, proportional_gain, integral_gain_per_s, sample_period_s, measurement_delay_samples,
+        lead)
     frequency_hz = loop.frequencies_hz()
     response = loop.loop(frequency_hz)
 

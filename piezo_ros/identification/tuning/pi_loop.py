@@ -19,19 +19,22 @@ A linear plant under PI control: its frequency responses and its closed loop.
     S = 1/(1 + L), (16),   T = L/(1 + L)
 
 In a sampled loop K uses the backward rectangle rule, as the step of the controller does, G stands
-behind a zero-order hold, and the measurement is d samples old.
+behind a zero-order hold, and the measurement is d samples old. A lead section may stand before K,
+(1 + s/wz)/(1 + s/wp), sampled as in the controller.
 """
 
 import math
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from piezo_ros.control.controller import ControllerParameters, lead_coefficients
 from piezo_ros.identification.tuning.linear_plant import LinearPlant, Model, SampledPlant
 from piezo_ros.model.state_space import StateSpace, discretise_zero_order_hold
 
-__all__ = ['PiLoop']
+__all__ = ['Lead', 'PiLoop']
 
 _POINTS = 1500
 _LOWEST = 1e-3  # of the slowest rate of the loop
@@ -41,6 +44,39 @@ _RESONANCE_WIDTHS = np.linspace(-8.0, 8.0, 65)  # half widths around each resona
 
 _Floats = NDArray[np.float64]
 _Complexes = NDArray[np.complex128]
+
+
+class Lead(NamedTuple):
+    """
+    A lead section before the gains.
+
+    Attributes
+    ----------
+    zero_hz, pole_hz : float
+        Its zero, and its pole above that.
+
+    """
+
+    zero_hz: float
+    pole_hz: float
+
+    @classmethod
+    def of(cls, parameters: ControllerParameters) -> 'Lead | None':
+        """Return the lead of a controller, None without one."""
+        if not parameters.lead_zero_hz:
+            return None
+        return cls(parameters.lead_zero_hz, parameters.lead_pole_hz)
+
+    def response(
+        self, frequency_hz: _Floats, sample_period_s: float | None,
+    ) -> _Complexes:
+        """Return its frequency response, sampled unless there is no sample period."""
+        if sample_period_s is None:
+            return (1.0 + 1j * frequency_hz / self.zero_hz) / (
+                1.0 + 1j * frequency_hz / self.pole_hz)
+        gain, zero, pole = lead_coefficients(self.zero_hz, self.pole_hz, sample_period_s)
+        back = np.exp(-2j * np.pi * frequency_hz * sample_period_s)
+        return np.asarray(gain * (1.0 - zero * back) / (1.0 - pole * back))
 
 
 @dataclass(frozen=True)
@@ -60,6 +96,8 @@ class PiLoop:
         The plant behind its hold; None for the continuous loop of the paper.
     measurement_delay_samples : int
         Age d of the measurement in e[k] = y_d[k] - y[k-d].
+    lead : Lead or None
+        Lead section before the gains.
 
     """
 
@@ -68,6 +106,7 @@ class PiLoop:
     integral_gain_per_s: float
     sampled_plant: SampledPlant | None
     measurement_delay_samples: int
+    lead: Lead | None = None
 
     def __post_init__(self) -> None:
         for name in ('proportional_gain', 'integral_gain_per_s'):
@@ -76,6 +115,10 @@ class PiLoop:
                 raise ValueError(f'{name} is {value}, it must be finite and not below 0')
         if self.proportional_gain == self.integral_gain_per_s == 0.0:
             raise ValueError('both gains are 0, one at least must be above 0')
+        if self.lead and not 0.0 < self.lead.zero_hz < self.lead.pole_hz < math.inf:
+            raise ValueError(
+                f'lead has its zero at {self.lead.zero_hz} Hz and its pole at {self.lead.pole_hz} '
+                'Hz; both must be above 0 and the pole above the zero')
         if self.measurement_delay_samples < 0:
             raise ValueError(
                 f'measurement_delay_samples is {self.measurement_delay_samples}, it must not be '
@@ -93,13 +136,14 @@ class PiLoop:
     def of(
         cls, model: Model, proportional_gain: float, integral_gain_per_s: float,
         sample_period_s: float | None = None, measurement_delay_samples: int = 0,
+        lead: Lead | None = None,
     ) -> 'PiLoop':
         """Return the loop around a linear model; see `loop_shape` for the parameters."""
         plant = LinearPlant.of(model)
         sampled = None if sample_period_s is None else plant.sampled(sample_period_s)
         return cls(
             plant, float(proportional_gain), float(integral_gain_per_s), sampled,
-            measurement_delay_samples)
+            measurement_delay_samples, lead)
 
     @property
     def sample_period_s(self) -> float | None:
@@ -118,11 +162,13 @@ class PiLoop:
         return self.sampled_plant.response(frequency_hz)
 
     def controller_response(self, frequency_hz: ArrayLike) -> _Complexes:
-        """Return K, (8) in Liu 2015, at frequencies in hertz above 0."""
-        s = 2j * np.pi * np.asarray(frequency_hz, dtype=np.float64)
+        """Return K, (8) in Liu 2015, and the lead, at frequencies in hertz above 0."""
+        frequency = np.asarray(frequency_hz, dtype=np.float64)
+        s = 2j * np.pi * frequency
         period_s = self.sample_period_s
         integral = 1.0 / s if period_s is None else period_s / -np.expm1(-s * period_s)
-        return np.asarray(self.proportional_gain + self.integral_gain_per_s * integral)
+        response = np.asarray(self.proportional_gain + self.integral_gain_per_s * integral)
+        return response * self.lead.response(frequency, period_s) if self.lead else response
 
     def measurement_response(self, frequency_hz: ArrayLike) -> _Complexes:
         """Return the delay of the measurement at frequencies in hertz."""
@@ -187,8 +233,8 @@ class PiLoop:
         period_s = self.sampled_plant.sample_period_s
         plant_delay = self.sampled_plant.delay_samples
         delay = plant_delay + self.measurement_delay_samples
-        # States: plant, outputs y[k-1] … y[k-delay] before the delay of the plant, integral.
-        size = order + delay + 1
+        # States: plant, outputs y[k-1] … y[k-delay] before the delay of the plant, lead, integral.
+        size = order + delay + bool(self.lead) + 1
         output, measured = np.zeros((1, size)), np.zeros((1, size))
         for row, age in ((output, plant_delay), (measured, delay)):
             if age:
@@ -200,26 +246,48 @@ class PiLoop:
         increment = self.integral_gain_per_s * period_s
         gain = self.proportional_gain + increment
         transition, entry = np.zeros((size, size)), np.zeros((size, 1))
+        # The error behind the lead: led_gain (y_d - measured) + remembered.
+        led_gain, remembered = 1.0, np.zeros((1, size))
+        if self.lead:
+            led_gain, zero, pole = lead_coefficients(*self.lead, period_s)
+            remembered[0, -2] = 1.0
+            transition[-2:-1] = pole * remembered - led_gain * (pole - zero) * measured
+            entry[-2] = led_gain * (pole - zero)
+        acting = remembered - led_gain * measured
         transition[:order, :order] = a
-        transition[:order] += b @ (integral - gain * measured)
-        entry[:order] = gain * b
+        transition[:order] += b @ (integral + gain * acting)
+        entry[:order] = led_gain * gain * b
         if delay:
             transition[order, :order] = c[0]
             transition[order + 1:order + delay, order:order + delay - 1] = np.eye(delay - 1)
-        transition[-1:] = integral - increment * measured
-        entry[-1] = increment
+        transition[-1:] = integral + increment * acting
+        entry[-1] = led_gain * increment
         return StateSpace(transition, entry, -output, np.ones((1, 1)))
 
     def _continuous_error_system(self) -> StateSpace:
         a, b, c, _ = self.plant.state_space
         order = a.shape[0]
-        whole = np.zeros((order + 1, order + 1))
-        whole[:order, :order] = a - self.proportional_gain * (b @ c)
-        whole[:order, order:] = b
-        whole[order:, :order] = -self.integral_gain_per_s * c
-        entry = np.vstack([self.proportional_gain * b, [[self.integral_gain_per_s]]])
-        output = np.hstack([-c, [[0.0]]])
-        return StateSpace(whole, entry, output, np.ones((1, 1)))
+        size = order + bool(self.lead) + 1
+        whole, entry = np.zeros((size, size)), np.zeros((size, 1))
+        output = np.zeros((1, size))
+        output[:, :order] = c
+        led_gain, acting = 1.0, -output
+        if self.lead:
+            # (1 + s/wz)/(1 + s/wp) = r + (1 - r)/(1 + s/wp), r = wp/wz
+            led_gain = self.lead.pole_hz / self.lead.zero_hz
+            rate = 2.0 * np.pi * self.lead.pole_hz
+            whole[order] = -rate * output[0]
+            whole[order, order] = -rate
+            entry[order] = rate
+            acting = -led_gain * output
+            acting[0, order] = 1.0 - led_gain
+        whole[:order, :order] = a
+        whole[:order] += self.proportional_gain * (b @ acting)
+        whole[:order, -1:] += b
+        whole[-1:] = self.integral_gain_per_s * acting
+        entry[:order] = led_gain * self.proportional_gain * b
+        entry[-1] = led_gain * self.integral_gain_per_s
+        return StateSpace(whole, entry, -output, np.ones((1, 1)))
 
     def slowest_decay(self, step_s: float) -> float:
         """

@@ -18,12 +18,11 @@ The PI gains of least ITAE within limits of robustness, started by the crossover
     minimise ITAE = integral of t |e| dt, (9) in Liu 2015
     subject to |W T| < 1, (10),   |S| <= limit,   a stable loop with its delay
 
+or, as ``feedback_band``, maximise the frequency below which |S| < 1 within the same limits, kI/kP
+being 0.3 of it (in rad/s) at least: without an integral, drift and slow disturbances would stay.
+
 The limit on |S| holds on the model, on the measured points and on the band of the model, as far as
 these are given.
-
-The search is over kP = g, kI = r g. Along a ray of fixed r the limits are kept from g = 0 up to
-some g, which is found by bisection; so every candidate is stable and within the limits, and no
-derivatives are needed.
 
 Start: with the gain kU at which the proportional loop oscillates, and its period TU,
 
@@ -47,34 +46,28 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize_scalar
 
 from piezo_ros.control.trajectory import TrajectoryParameters
 from piezo_ros.control.trajectory_blocks import trajectory_blocks
 from piezo_ros.identification.tuning.controller_file import controller_file
 from piezo_ros.identification.tuning.feedback_table import FeedbackTable
+from piezo_ros.identification.tuning.gain_search import GainSearch
 from piezo_ros.identification.tuning.itae import itae
-from piezo_ros.identification.tuning.linear_plant import Bound, Model, bound_magnitude
+from piezo_ros.identification.tuning.linear_plant import Bound, Model
 from piezo_ros.identification.tuning.loop_evidence import LoopEvidence
 from piezo_ros.identification.tuning.loop_shape import LoopShape, loop_shape
-from piezo_ros.identification.tuning.pi_loop import PiLoop
+from piezo_ros.identification.tuning.pi_loop import Lead, PiLoop
 
 __all__ = ['OBJECTIVES', 'PiTuning', 'tune_pi']
 
-OBJECTIVES: Final = ('itae_step', 'itae_scan')
+_FEEDBACK_BAND: Final = 'feedback_band'
+OBJECTIVES: Final = ('itae_step', 'itae_scan', _FEEDBACK_BAND)
 # The crossover method (Ziegler and Nichols): shares of the ultimate gain and of its period.
 _PROPORTIONAL_SHARE: Final = 0.45
 _INTEGRAL_PERIODS: Final = 1.0 / 1.2
 _SETTLING_TIMES: Final = 15.0  # of the slowest mode, over which a step is weighted
 _STEPS_PER_FASTEST: Final = 5.0  # of a continuous loop's fastest pole
 _MOST_STEPS: Final = 2**18
-# Rays from mostly proportional to all but purely integral, over the start's kI/kP.
-_RAYS: Final = np.geomspace(1e-2, 1e4, 25)
-_SHARES: Final = np.geomspace(1e-2, 1.0, 13)  # of the largest gain along a ray
-_LARGEST_GAIN: Final = 1e3  # over the gain of the start; the search ends there
-_SMALLEST_GAIN: Final = 1e-6
-_BISECTIONS: Final = 24
-_LOG_TOLERANCE: Final = 1e-5
 _RETREAT: Final = 1.0 - 2e-4
 _NEAR: Final = 0.01  # relative distance at which a limit counts as active
 
@@ -89,11 +82,12 @@ class PiTuning:
     Attributes
     ----------
     objective : str
-        ``'itae_step'``, ``'itae_scan'`` or the trajectory in words.
+        ``'itae_step'``, ``'itae_scan'``, ``'feedback_band'`` or the trajectory in words.
     before, after : LoopShape
         The loop with the gains of the start and with the tuned ones.
     objective_before, objective_after : float
-        ITAE of both, um s^2 (s^2 for a unit step); infinite for an unstable loop.
+        ITAE of both, um s^2 (s^2 for a unit step), infinite for an unstable loop; or one over the
+        frequency below which |S| < 1, s, more where kI is too small.
     max_sensitivity, uncertainty_limit : float
         The limits on |S| and |W T|.
     active_limits : tuple of str
@@ -172,6 +166,7 @@ def tune_pi(
     sample_period_s: float | None = 1e-5,
     start: str | tuple[float, float] = 'crossover',
     evidence: LoopEvidence | None = None,
+    lead: Lead | None = None,
 ) -> PiTuning:
     """
     Return the PI gains of least ITAE, (9) in Liu 2015, within the limits of robustness.
@@ -184,7 +179,7 @@ def tune_pi(
         W(s), (19); without it (10) is not required.
     objective : str or TrajectoryParameters, optional
         ITAE of a unit step of the reference, of the default scan (a triangle of 300 Hz) or of the
-        given trajectory, each under feedback alone.
+        given trajectory, each under feedback alone; or ``'feedback_band'``.
     max_sensitivity : float, optional
         Limit on |S|, above 1; infinite for none.
     uncertainty_limit : float, optional
@@ -198,6 +193,8 @@ def tune_pi(
         with.
     evidence : LoopEvidence, optional
         Measured points and the error of the model: the limit on |S| holds for them too.
+    lead : Lead, optional
+        Lead section before the gains, which start and tuned loop have.
 
     Returns
     -------
@@ -215,7 +212,7 @@ def tune_pi(
     if not uncertainty_limit > 0.0:
         raise ValueError(f'uncertainty_limit is {uncertainty_limit}, it must be above 0')
     delay = measurement_delay_samples if sample_period_s is not None else 0
-    loop = PiLoop.of(model, 1.0, 1.0, sample_period_s, delay)
+    loop = PiLoop.of(model, 1.0, 1.0, sample_period_s, delay, lead)
     if not loop.plant.poles_rad_per_s.real.max() < 0.0:
         raise ValueError(
             f'the model has the poles {loop.plant.poles_rad_per_s} rad/s, all must be stable')
@@ -224,13 +221,15 @@ def tune_pi(
     name, trajectory = _objective(objective)
     crossover_kp, crossover_ki = _crossover_gains(loop)
     start_kp, start_ki = (crossover_kp, crossover_ki) if start == 'crossover' else _pair(start)
-    search = _Search(loop, bound, max_sensitivity, uncertainty_limit, crossover_kp, evidence)
-    evaluate = _evaluator(search, crossover_ki / crossover_kp, trajectory, sample_period_s)
+    search = GainSearch(loop, bound, max_sensitivity, uncertainty_limit, crossover_kp, evidence)
+    evaluate = (
+        search.feedback_band_s if name == _FEEDBACK_BAND
+        else _evaluator(search, crossover_ki / crossover_kp, trajectory, sample_period_s))
 
     def shape(proportional_gain: float, integral_gain_per_s: float) -> LoopShape:
         return loop_shape(
             loop.plant, proportional_gain, integral_gain_per_s, sample_period_s=sample_period_s,
-            measurement_delay_samples=delay, bound=bound)
+            measurement_delay_samples=delay, bound=bound, lead=lead)
 
     before = shape(start_kp, start_ki)
     tuned_kp, tuned_ki = search.best(crossover_ki / crossover_kp, evaluate)
@@ -268,7 +267,7 @@ def _objective(objective: str | TrajectoryParameters) -> tuple[str, TrajectoryPa
         if objective not in OBJECTIVES:
             raise ValueError(
                 f'objective is {objective!r}, allowed are {", ".join(OBJECTIVES)} and a trajectory')
-        return objective, None if objective == 'itae_step' else TrajectoryParameters()
+        return objective, TrajectoryParameters() if objective == 'itae_scan' else None
     words = (
         f'ITAE of {objective.periods:g} periods of {objective.waveform}, '
         f'{objective.amplitude_um:g} um, {objective.frequency_hz:g} Hz')
@@ -285,7 +284,7 @@ def _crossover_gains(loop: PiLoop) -> tuple[float, float]:
     """Return gains from the gain at which the proportional loop oscillates, and its period."""
     shape = loop_shape(
         loop.plant, 1.0, 0.0, sample_period_s=loop.sample_period_s,
-        measurement_delay_samples=loop.measurement_delay_samples)
+        measurement_delay_samples=loop.measurement_delay_samples, lead=loop.lead)
     frequency_hz = shape.frequency_hz
     response = shape.loop.loop(frequency_hz)
     reversed_phase = (response.imag[:-1] < 0.0) & (response.imag[1:] >= 0.0) & (
@@ -298,7 +297,7 @@ def _crossover_gains(loop: PiLoop) -> tuple[float, float]:
 
 
 def _evaluator(
-    search: '_Search', ratio_per_s: float, trajectory: TrajectoryParameters | None,
+    search: GainSearch, ratio_per_s: float, trajectory: TrajectoryParameters | None,
     sample_period_s: float | None,
 ) -> Callable[[PiLoop], float]:
     """Return the objective as a function of the loop, with one grid of time for all gains."""
@@ -318,123 +317,3 @@ def _evaluator(
     decay = search.loop.with_gains(gain, gain * ratio_per_s).slowest_decay(step_s)
     steps = min(math.ceil(_SETTLING_TIMES / -math.log(decay)) + 1, _MOST_STEPS)
     return lambda loop: itae(loop, None, step_s, steps)
-
-
-class _Search:
-    """The search for the gains of least objective within the limits."""
-
-    def __init__(
-        self, loop: PiLoop, bound: Bound | None, max_sensitivity: float, uncertainty_limit: float,
-        typical_gain: float, evidence: LoopEvidence | None = None,
-    ) -> None:
-        self.loop = loop
-        self._limits = (max_sensitivity, uncertainty_limit)
-        self._typical_gain = typical_gain
-        self._evidence = evidence
-        # A grid that includes the lowest frequencies of any loop in the search.
-        self._frequency_hz = loop.with_gains(
-            typical_gain * _SMALLEST_GAIN, typical_gain).frequencies_hz()
-        self._plant = loop.plant_response(self._frequency_hz) * loop.measurement_response(
-            self._frequency_hz)
-        self._integral = loop.with_gains(0.0, 1.0).controller_response(self._frequency_hz)
-        self._bound = (
-            None if bound is None else bound_magnitude(bound, self._frequency_hz))
-        self._step_s = loop.sample_period_s or 1.0 / float(
-            np.abs(loop.plant.poles_rad_per_s).max())
-
-    def allows(self, proportional_gain: float, integral_gain_per_s: float) -> bool:
-        """Return whether a loop is stable and within its limits."""
-        open_loop = (proportional_gain + integral_gain_per_s * self._integral) * self._plant
-        sensitivity = 1.0 / (1.0 + open_loop)
-        if np.abs(sensitivity).max() >= self._limits[0]:
-            return False
-        evidence = self._evidence
-        if evidence is not None:
-            if evidence.model_error is not None and evidence.band_sensitivity(
-                    self._frequency_hz, open_loop).max() >= self._limits[0]:
-                return False
-            if (evidence.largest_on_points(self.loop.with_gains(
-                    proportional_gain, integral_gain_per_s)) or 0.0) >= self._limits[0]:
-                return False
-        if self._bound is not None:
-            if (self._bound * np.abs(open_loop * sensitivity)).max() >= self._limits[1]:
-                return False
-        return self.loop.with_gains(
-            proportional_gain, integral_gain_per_s).slowest_decay(self._step_s) < 1.0
-
-    def largest(self, ratio_per_s: float) -> float:
-        """Return the largest kP along kI = ratio kP within the limits; 0 if there is none."""
-        # Along a ray of large kI/kP the integral gain reaches the limits first.
-        scale = self._typical_gain / (1.0 + ratio_per_s * self._time_s())
-        low, high = math.log(scale * _SMALLEST_GAIN), math.log(scale * _LARGEST_GAIN)
-        if not self._allows_ray(low, ratio_per_s):
-            return 0.0
-        for _ in range(_BISECTIONS):
-            middle = 0.5 * (low + high)
-            if self._allows_ray(middle, ratio_per_s):
-                low = middle
-            else:
-                high = middle
-        return math.exp(low)
-
-    def _time_s(self) -> float:
-        """Return the mean time constant of the plant, to compare kI with kP."""
-        rates = np.abs(self.loop.plant.poles_rad_per_s)
-        return float(1.0 / np.exp(np.mean(np.log(rates))))
-
-    def _allows_ray(self, log_gain: float, ratio_per_s: float) -> bool:
-        gain = math.exp(log_gain)
-        return self.allows(gain, gain * ratio_per_s)
-
-    def refusal(self) -> str:
-        """Return the reason why no gains are within the limits."""
-        slow = 'no gains, however small, are within the limits'
-        if self._bound is not None and self._bound[0] >= self._limits[1]:
-            return (
-                f'{slow}: |W| is {self._bound[0]:.4g} at low frequencies, where |T| is 1, and '
-                f'uncertainty_limit is {self._limits[1]:.4g}')
-        return f'{slow} max_sensitivity {self._limits[0]:g}, uncertainty_limit {self._limits[1]:g}'
-
-    def best(
-        self, ratio_per_s: float, evaluate: Callable[[PiLoop], float],
-    ) -> tuple[float, float]:
-        """Return the gains of the smallest objective; rays are searched around the given one."""
-        found: dict[float, tuple[float, float]] = {}
-
-        def along(log_ratio: float) -> float:
-            if log_ratio not in found:
-                found[log_ratio] = self._best_of_ray(math.exp(log_ratio), evaluate)
-            return found[log_ratio][1]
-
-        rays = np.log(_RAYS * ratio_per_s)
-        values = [along(ray) for ray in rays.tolist()]
-        best = int(np.argmin(values))
-        if not math.isfinite(values[best]):
-            raise ValueError(self.refusal())
-        minimize_scalar(
-            along, bounds=(rays[max(best - 1, 0)], rays[min(best + 1, rays.size - 1)]),
-            method='bounded', options={'xatol': _LOG_TOLERANCE})
-        log_ratio = min(found, key=lambda ray: found[ray][1])
-        gain = found[log_ratio][0]
-        return gain, gain * math.exp(log_ratio)
-
-    def _best_of_ray(
-        self, ratio_per_s: float, evaluate: Callable[[PiLoop], float],
-    ) -> tuple[float, float]:
-        """Return the best kP of a ray and the objective."""
-        largest = self.largest(ratio_per_s)
-        if largest == 0.0:
-            return 0.0, math.inf
-
-        def value(log_share: float) -> float:
-            gain = largest * math.exp(log_share)
-            return evaluate(self.loop.with_gains(gain, gain * ratio_per_s))
-
-        shares = np.log(_SHARES)
-        values = [value(share) for share in shares.tolist()]
-        best = int(np.argmin(values))
-        refined = minimize_scalar(
-            value, bounds=(shares[max(best - 1, 0)], shares[min(best + 1, shares.size - 1)]),
-            method='bounded', options={'xatol': _LOG_TOLERANCE})
-        log_share = float(refined.x) if refined.fun < values[best] else float(shares[best])
-        return largest * math.exp(log_share), min(float(refined.fun), values[best])

@@ -23,10 +23,22 @@ __all__ = ['BagDirectories']
 
 
 class BagDirectories:
-    """Chooses the directories of the bags; the later ones of one recorder are numbered."""
+    """
+    Chooses the directories of the bags; the later ones of one recorder are numbered.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    parameter : str, optional
+        Name of the parameter that the user sets, for errors.
+    prefix : str, optional
+        What a name made of the time begins with.
+
+    """
+
+    def __init__(self, parameter: str = 'bag_directory', prefix: str = 'piezo') -> None:
         self._written: set[Path] = set()
+        self._parameter = parameter
+        self._prefix = prefix
 
     def next(self, bag_directory: str) -> Path:
         """
@@ -43,11 +55,11 @@ class BagDirectories:
             If what the user wants exists, and not as the bag of an earlier run of this recorder.
 
         """
-        first = Path(bag_directory or time.strftime('piezo_%Y_%m_%d-%H_%M_%S')).absolute()
+        first = Path(bag_directory or time.strftime(f'{self._prefix}_%Y_%m_%d-%H_%M_%S')).absolute()
         number = 1
         while (directory := _numbered(first, number)).exists():
             if bag_directory and directory not in self._written:
-                raise ParameterError(f'bag_directory {directory} exists; it is not overwritten')
+                raise ParameterError(f'{self._parameter} {directory} exists; it is not overwritten')
             number += 1
         return directory
 

@@ -29,6 +29,7 @@ from piezo_ros.identification.prediction.operating_points import (
     predict_operating_points,
 )
 from piezo_ros.identification.prediction.placement import likely_place
+from piezo_ros.identification.prediction.planned_choice import plan_candidate, with_planned
 from piezo_ros.model import HysteresisParameters, ParameterSet, RigParameters
 from piezo_ros.parameters.parameter_file import read_parameter_file, read_parameter_set
 
@@ -65,9 +66,12 @@ def predicted_points(
                 if getattr(options, name) is not None})
     if not place_is_told(read_parameter_file(options.model, ['trajectory'])['trajectory']):
         scan = likely_place(scan)
+    lead = tuning.after.loop.lead
     controller = ControllerParameters(
         proportional_gain=tuning.proportional_gain,
         integral_gain_per_s=tuning.integral_gain_per_s,
+        lead_zero_hz=lead.zero_hz if lead else 0.0,
+        lead_pole_hz=lead.pole_hz if lead else 0.0,
         measurement_delay_samples=options.measurement_delay_samples,
         command_minimum_um=-plant.reach_um, command_maximum_um=plant.reach_um)
     amplitudes_um = options.amplitudes_um or [
@@ -88,10 +92,19 @@ def predicted_points(
     cells = [(a, f) for a in sorted(set(amplitudes_um)) for f in sorted(set(frequencies_hz))]
     if not harmonics_open:
         scan = scan.replaced(frequency_hz=max(frequencies_hz), harmonics=int(options.harmonics))
-    return predict_operating_points(
-        known_rig(told, plant, compensator, scan), scan, controller, cells,
-        harmonics_open=harmonics_open, compensator=compensator, uncertainty=bound,
-        accuracy=read_accuracy(_model_files(options)))
+    rig = known_rig(told, plant, compensator, scan)
+    accuracy = read_accuracy(_model_files(options))
+    points = predict_operating_points(
+        rig, scan, controller, cells, harmonics_open=harmonics_open, compensator=compensator,
+        uncertainty=bound, accuracy=accuracy)
+    if not harmonics_open:
+        return points
+    return tuple(
+        with_planned(point, plan_candidate(
+            rig, scan.replaced(
+                amplitude_um=point.amplitude_um, frequency_hz=point.frequency_hz),
+            uncertainty=bound, accuracy=accuracy))
+        for point in points)
 
 
 def _model_files(options: argparse.Namespace) -> list[Path]:

@@ -1,0 +1,87 @@
+# Copyright 2026 piezo_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Runs the study of planned and learned scans and writes its report."""
+
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+
+from piezo_ros.bag import Run, read
+from piezo_ros.experiment.output_directory import keep_plan
+from piezo_ros.experiment.plan import Plan
+from piezo_ros.interruption import interruptible
+from piezo_ros.parameters.provenance import software_versions
+from piezo_ros.parameters.run import PlannedRun, RunResult
+from piezo_ros.study.beyond.experiments import run_beyond_experiments
+from piezo_ros.study.beyond.page import write_beyond_page
+from piezo_ros.study.beyond.results import BeyondResults
+
+__all__ = ['run_beyond']
+
+
+def run_beyond(
+    plan: Plan,
+    directory: Path,
+    run: Callable[[PlannedRun, Path], RunResult],
+    announce: Callable[[str], None] = lambda text: None,
+) -> tuple[BeyondResults, Path]:
+    """
+    Do every run of the study and write its report.
+
+    Parameters
+    ----------
+    plan : Plan
+        A plan of this study.
+    directory : Path
+        As `prepare_directory` leaves it.
+    run : callable
+        Does one run into the bag directory it is given.
+    announce : callable, optional
+        Is told of each run before it starts.
+
+    Returns
+    -------
+    results : BeyondResults
+        All results.
+    report : Path
+        The written report.html.
+
+    Raises
+    ------
+    CampaignError
+        If a run does not come to its end; the bags of those before it stay.
+
+    """
+    plan_text = keep_plan(plan.path, directory)
+    count = 0
+
+    def counted(planned: PlannedRun, bag: Path) -> RunResult:
+        nonlocal count
+        count += 1
+        announce(f'[{count}] {bag.relative_to(directory)}: {planned.description}')
+        return run(planned, bag)
+
+    def execute(planned_runs: Sequence[PlannedRun]) -> Iterator[Run]:
+        for planned in planned_runs:
+            bag = directory / 'bags' / planned.name
+            counted(planned, bag)
+            yield read(bag)
+
+    results = run_beyond_experiments(plan.base, execute, counted, directory)
+    with interruptible():
+        report = write_beyond_page(
+            directory, results, title=plan.title, software=software_versions(), plan=plan_text,
+            command=' '.join(['piezo', *sys.argv[1:]]))
+    return results, report
