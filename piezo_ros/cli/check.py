@@ -167,5 +167,6 @@ def _check_plan(path: Path) -> int:
     for demand in demands:
         print(demand.text)
     beyond = {demand.name for demand in demands if demand.beyond}
-    print(f'{len(plan.runs)} runs, {len(beyond)} beyond what the rig can do')
+    runs = {demand.name for demand in demands}
+    print(f'{len(runs)} runs, {len(beyond)} beyond what the rig can do')
     return 1 if beyond else 0

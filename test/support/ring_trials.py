@@ -119,7 +119,7 @@ class RingTrials:
         node = self._nodes[role]
         names, is_demand = [], stream == 'demand'
         subscription = (
-            node._demand._subscription if is_demand else node.readers[stream].subscription)
+            node._demand._own._subscription if is_demand else node.readers[stream].subscription)
         wanted = generator.randint(1, MOST)
         while node.running and len(names) < wanted:
             self._turn(generator.randint(1, 5))
