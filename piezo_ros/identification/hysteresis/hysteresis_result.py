@@ -29,8 +29,7 @@ from piezo_ros.model.hysteresis_and_inverse import MaxwellResistiveCapacitor
 
 __all__ = ['Coverage', 'HysteresisFit']
 
-_BEGINNING: Final = 0.1  # of the largest voltage: up to there the stage counts as virgin
-_FEWEST_AT_BEGINNING: Final = 10  # samples
+_BEGINNING: Final = 0.005  # of the largest voltage: up to there nothing has begun to ring
 _HIDDEN: Final = 3.0  # standard errors
 
 _Floats = NDArray[np.float64]
@@ -146,7 +145,7 @@ class HysteresisFit:
         beyond = np.abs(self.voltage_v) > reach_v
         first = self.residual_um[:int(np.argmax(beyond))]
         first = first[np.isfinite(first)]
-        if first.size < _FEWEST_AT_BEGINNING:
+        if not first.size:
             return 0.0
         offset_um = -float(first.mean())
         hidden_um = _HIDDEN * self.validation.noise_rms_um / math.sqrt(first.size)
