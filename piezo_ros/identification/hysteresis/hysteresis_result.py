@@ -29,7 +29,7 @@ from piezo_ros.model.hysteresis_and_inverse import MaxwellResistiveCapacitor
 
 __all__ = ['Coverage', 'HysteresisFit']
 
-_BEGINNING: Final = 0.005  # of the largest voltage: up to there nothing has begun to ring
+_MOST_AT_REST: Final = 1000  # samples at the beginning of a record
 _HIDDEN: Final = 3.0  # standard errors
 
 _Floats = NDArray[np.float64]
@@ -141,14 +141,15 @@ class HysteresisFit:
         The offset of the fit is that of the loops. What the stage was off from it before its first
         loop is what a scan without feedback will be off later. 0 where the noise hides it.
         """
-        reach_v = _BEGINNING * float(np.max(np.abs(self.voltage_v)))
-        beyond = np.abs(self.voltage_v) > reach_v
-        first = self.residual_um[:int(np.argmax(beyond))]
+        noise_um = self.validation.noise_rms_um
+        first_um = self.model.forward(self.voltage_v[:_MOST_AT_REST])[0]
+        at_rest = int(np.argmax(np.append(np.abs(first_um) > noise_um, True)))
+        first = self.displacement_um[:at_rest]
         first = first[np.isfinite(first)]
         if not first.size:
             return 0.0
-        offset_um = -float(first.mean())
-        hidden_um = _HIDDEN * self.validation.noise_rms_um / math.sqrt(first.size)
+        offset_um = self.offset_um - float(first.mean())
+        hidden_um = _HIDDEN * noise_um / math.sqrt(first.size)
         return offset_um if abs(offset_um) > hidden_um else 0.0
 
     def to_parameter_yaml(self, *, source: str, sample_period_s: float | None = None) -> str:

@@ -258,3 +258,12 @@ def test_loops_that_grow_serve_as_well_as_loops_that_shrink():
     fit = recorded(stage, amplitudes_v=REACH_V * SHARES[::-1])
     for share in (0.95, 0.3, 0.1):
         assert left_percent(fit, stage, share) < 0.15
+
+
+def test_the_offset_of_loops_is_told_from_the_reading_at_rest():
+    stage = superposition(5)
+    assert recorded(stage).loop_offset_um == 0.0
+
+    def moved(voltage_v):  # once it moves, it is elsewhere
+        return stage(voltage_v) + 0.05 * (np.arange(voltage_v.size) > 2)
+    assert recorded(moved).loop_offset_um == pytest.approx(0.05, abs=0.005)
