@@ -15,11 +15,10 @@
 """Runs the study of the paper and writes its report."""
 
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from piezo_ros.bag import Run, read
 from piezo_ros.experiment.output_directory import keep_plan
 from piezo_ros.experiment.plan import Plan
 from piezo_ros.interruption import interruptible
@@ -29,6 +28,7 @@ from piezo_ros.study.experiments import run_experiments
 from piezo_ros.study.page import write_study_page
 from piezo_ros.study.record import study_record
 from piezo_ros.study.results import PaperResults
+from piezo_ros.study.study_runs import StudyRuns
 
 __all__ = ['run_study']
 
@@ -67,19 +67,8 @@ def run_study(
 
     """
     plan_text = keep_plan(plan.path, directory)
-    count = 0
-    wall_seconds: dict[str, float] = {}
-
-    def execute(planned_runs: Sequence[PlannedRun]) -> Iterator[Run]:
-        nonlocal count
-        for planned in planned_runs:
-            count += 1
-            announce(f'[{count}] {planned.name}: {planned.description}')
-            bag = directory / 'bags' / planned.name
-            wall_seconds[planned.name] = run(planned, bag).wall_seconds
-            yield read(bag)
-
-    results = run_experiments(plan.base, execute)
+    runs = StudyRuns(directory, run, announce)
+    results = run_experiments(plan.base, runs.each)
     record: dict[str, Any] = {
         'title': plan.title,
         **study_record(results, {
@@ -87,7 +76,7 @@ def run_study(
         'software': software_versions(),
     }
     for row in record['runs']:
-        row['wall_seconds'] = wall_seconds[f'scan_{row["scheme"]}']
+        row['wall_seconds'] = runs.wall_seconds[f'scan_{row["scheme"]}']
     with interruptible():
         report = write_study_page(
             directory, results, record, plan=plan_text, command=' '.join(['piezo', *sys.argv[1:]]))

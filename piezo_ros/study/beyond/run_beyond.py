@@ -15,10 +15,9 @@
 """Runs the study of planned and learned scans and writes its report."""
 
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable
 from pathlib import Path
 
-from piezo_ros.bag import Run, read
 from piezo_ros.experiment.output_directory import keep_plan
 from piezo_ros.experiment.plan import Plan
 from piezo_ros.interruption import interruptible
@@ -27,6 +26,7 @@ from piezo_ros.parameters.run import PlannedRun, RunResult
 from piezo_ros.study.beyond.experiments import run_beyond_experiments
 from piezo_ros.study.beyond.page import write_beyond_page
 from piezo_ros.study.beyond.results import BeyondResults
+from piezo_ros.study.study_runs import StudyRuns
 
 __all__ = ['run_beyond']
 
@@ -65,21 +65,8 @@ def run_beyond(
 
     """
     plan_text = keep_plan(plan.path, directory)
-    count = 0
-
-    def counted(planned: PlannedRun, bag: Path) -> RunResult:
-        nonlocal count
-        count += 1
-        announce(f'[{count}] {bag.relative_to(directory)}: {planned.description}')
-        return run(planned, bag)
-
-    def execute(planned_runs: Sequence[PlannedRun]) -> Iterator[Run]:
-        for planned in planned_runs:
-            bag = directory / 'bags' / planned.name
-            counted(planned, bag)
-            yield read(bag)
-
-    results = run_beyond_experiments(plan.base, execute, counted, directory)
+    runs = StudyRuns(directory, run, announce)
+    results = run_beyond_experiments(plan.base, runs.each, runs.one, directory)
     with interruptible():
         report = write_beyond_page(
             directory, results, title=plan.title, software=software_versions(), plan=plan_text,
