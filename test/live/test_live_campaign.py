@@ -28,7 +28,7 @@ from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 
 from piezo_ros.bag import STREAMS, read
-from piezo_ros.parameters.node_parameters import NODE_PARAMETERS
+from piezo_ros.parameters.node_parameters import LOOP_NODES, NODE_PARAMETERS
 
 # Two in a row of the scheme in which all nodes take part.
 SCHEMES = ('fb', 'ff', 'open_loop', 'fbff', 'fbff')
@@ -190,11 +190,10 @@ def test_the_bag_holds_the_parameters_of_every_node(request, processes):
         nodes = {
             name.rpartition('/')[2]: section['ros__parameters']
             for name, section in yaml.safe_load(attachment.data).items()}
-        assert nodes.keys() == NODE_PARAMETERS.keys() - {'recorder'}
-        for node, parameter_sets in NODE_PARAMETERS.items():
-            for parameter_set in parameter_sets:
-                if node != 'recorder':
-                    assert parameter_set().to_mapping().keys() <= nodes[node].keys()
+        assert nodes.keys() == set(LOOP_NODES)
+        for node in LOOP_NODES:
+            for parameter_set in NODE_PARAMETERS[node]:
+                assert parameter_set().to_mapping().keys() <= nodes[node].keys()
         assert nodes['controller']['scheme'] == scheme
         assert nodes['plant']['gain_mismatch'] == rig_file['gain_mismatch']
         assert len(nodes['compensator']['kappa_um_per_v']) == 11
