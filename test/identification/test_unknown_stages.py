@@ -118,6 +118,8 @@ class Study:
                 continue
             cell = {}
             for scheme, prediction in point.predictions.items():
+                if scheme == 'planned':  # is no scheme of the controller
+                    continue
                 trajectory = self.flow.trajectory(
                     waveform='triangle', amplitude_um=point.amplitude_um,
                     frequency_hz=point.frequency_hz, harmonics=prediction.harmonics, periods=15.0)
