@@ -195,10 +195,11 @@ def _place_lines(points: Sequence[OperatingPoint]) -> list[str]:
     lines = [
         'which poles are before the hysteresis is not decided: intervals cover every possibility']
     depending = [point for point in points if point.depends_on_place]
-    for point in depending:
-        lines.append(
-            f'  {point.amplitude_um:g} um, {point.frequency_hz:g} Hz: the scheme depends on it, '
-            f'{" or ".join(dict.fromkeys(point.schemes_by_place))}')
+    for amplitude_um in dict.fromkeys(point.amplitude_um for point in depending):
+        places = ', '.join(
+            f'{point.frequency_hz:g} Hz ({" or ".join(dict.fromkeys(point.schemes_by_place))})'
+            for point in depending if point.amplitude_um == amplitude_um)
+        lines.append(f'  the scheme depends on it at {amplitude_um:g} um: {places}')
     return [*lines, *([] if depending else ['  the schemes do not depend on it'])]
 
 
