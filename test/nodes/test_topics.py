@@ -69,5 +69,5 @@ def test_ctrl_c_on_a_launched_rig_ends_every_node_at_zero_volts(rig, peer, launc
         lambda: peer.status('plant')['state'] in ('stopped', 'finished')
         and peer.status('plant')['voltage_v'] == 0.0, 'the end at zero volts')
     for process in nodes.values():
-        assert process.wait() in (0, 1)
+        assert process.wait() in (0, 1), process.output
         assert 'Traceback' not in process.output
