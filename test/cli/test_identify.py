@@ -166,7 +166,7 @@ def test_a_rational_model_of_other_orders_serves_to_tune(stage, identify, tmp_pa
     assert facts['samples_used'] > 30000
     gains = tmp_path / 'gains.yaml'
     assert main(['tune', str(tmp_path / 'model.yaml'), '--sample-period-s', '1e-4', '--bound',
-                 'none', '--amplitudes-um', '10', '--frequencies-hz', '28', '-o', str(gains)]) == 0
+                 'none', '--amplitudes-um', '5', '--frequencies-hz', '28', '-o', str(gains)]) == 0
     assert 'scheme to use' in capsys.readouterr().out
     # The same stage, so much the same gain.
     own, of_six = (parameters(path, 'controller')['integral_gain_per_s'] for path in (
