@@ -66,12 +66,13 @@ _SMALLEST_ERROR: Final = 2e-3  # of a model of the points as measured, above whi
 _ORDERS: Final = (3, 6)  # of the model in the search: as chosen for the points, within these
 _HIGHEST: Final = 3.0  # over the highest measured frequency: faster poles do not show
 _RATES: Final = 9
-_FREQUENCIES: Final = 6
+_FREQUENCIES: Final = 5
 _DAMPING_RATIOS: Final = (0.4, 0.8)
-_EVALUATIONS: Final = 40
+_EVALUATIONS: Final = 30
+_NEARLY: Final = 20.0  # difference of the criterion up to which the other kind is refined too
 _EFFORT: Final = Effort(starts=1, evaluations=20, tolerance=1e-4)
 _TOLERANCE: Final = 2e-3  # of a logarithm
-_GRID: Final = 4  # steps per sample period of the simulation
+_GRID: Final = 2  # steps per sample period of the simulation
 
 _Floats = NDArray[np.float64]
 _Respond = Callable[[Sequence[_Floats]], FrequencyResponse]
@@ -140,12 +141,12 @@ def fit_linearised(
         measured, _whole(records), MaxwellResistiveCapacitor.of(hysteresis), respond, delay_samples,
         min(max(fit.orders[1], _ORDERS[0]), _ORDERS[1]))
     without = search.criterion(measured)
-    best: tuple[float, Factors] | None = None
-    for starts in (_lags(measured), _pairs(measured)):
-        found = search.best_of(starts)
-        if best is None or found[0] < best[0]:
-            best = found
-    assert best is not None
+    kinds = sorted(
+        (search.best_start(starts) for starts in (_lags(measured), _pairs(measured))),
+        key=lambda found: found[0])
+    best = search.refined(kinds[0])
+    if kinds[1][0] < best[0] + _NEARLY:
+        best = min(best, search.refined(kinds[1]), key=lambda found: found[0])
     if best[0] >= without:
         return None
     response = search.linearised(best[1])
@@ -228,26 +229,27 @@ class _Search:
         self._shape = shape_of(order - 1, order)
         self._starts: list[Sections] = []
 
-    def best_of(self, starts: Iterator[Factors]) -> tuple[float, Factors]:
-        """Return the least criterion about the best of some starts, and the poles."""
-        best = min(
+    def best_start(self, starts: Iterator[Factors]) -> tuple[float, Factors]:
+        """Return the best of some starts with its criterion; the poles are parameters too."""
+        return min(
             ((self._criterion_of(before), before) for before in starts),
             key=lambda found: found[0])
-        start = best[1]
+
+    def refined(self, found: tuple[float, Factors]) -> tuple[float, Factors]:
+        """Return the best poles about a start, with their criterion."""
+        if not math.isfinite(found[0]):
+            return found
+        start = found[1]
         vector = _vector(start)
-        if not math.isfinite(best[0]):
-            return best
         simplex = np.vstack([vector, *(vector + 0.1 * unit for unit in np.eye(vector.size))])
         options: Any = {
             'initial_simplex': simplex, 'maxfev': _EVALUATIONS, 'xatol': _TOLERANCE, 'fatol': 0.1}
 
         def criterion(changed: _Floats) -> float:
             return self._criterion_of(_changed(start, changed))
-        found = minimize(criterion, vector, method='Nelder-Mead', options=options)
-        if found.fun < best[0]:
-            best = float(found.fun), _changed(best[1], found.x)
-        # The poles are parameters too.
-        return best[0] + vector.size * math.log(2 * self._measured.frequency_hz.size), best[1]
+        best = minimize(criterion, vector, method='Nelder-Mead', options=options)
+        return min(
+            found, (float(best.fun), _changed(start, best.x)), key=lambda other: other[0])
 
     def criterion(self, points: FrequencyResponse) -> float:
         """Return the Bayesian criterion of a model of points."""
@@ -281,7 +283,10 @@ class _Search:
 
     def _criterion_of(self, before: Factors) -> float:
         points = self.linearised(before)
-        return math.inf if points is None else self.criterion(points)
+        if points is None:
+            return math.inf
+        size = _vector(before).size
+        return self.criterion(points) + size * math.log(2 * self._measured.frequency_hz.size)
 
 
 def _vector(before: Factors) -> _Floats:
