@@ -55,6 +55,7 @@ __all__ = ['AGREED_MAGNITUDE', 'AGREED_PHASE', 'Validation', 'validate']
 AGREED_MAGNITUDE: Final = 0.03
 AGREED_PHASE: Final = math.radians(2.0)
 _NOISE_ERRORS: Final = 3.0
+_MARGIN: Final = 3.0  # model errors: what a structure misses in the points, these miss of the stage
 _AT_ALL: Final = 1.5  # radius of a region at all frequencies together over that at one
 _BETWEEN: Final = 12  # frequencies from a point to the next one
 _NEIGHBOURS: Final = (1, 3, 7)
@@ -132,7 +133,8 @@ def validate(
         np.sum(error[:-1] * error[1:].conj()).real / max(np.sum(np.abs(error)**2), 1e-300))
     white = abs(correlation) * math.sqrt(2.0 * error.size) < _WHITE
     usable = _usable_to_hz(
-        points, value, _is_uncertain(fit, points.frequency_hz, radius, rivals or ()))
+        points, value, _is_uncertain(fit, points.frequency_hz, radius, rivals or ()),
+        min(_MARGIN * fit.model_error, 0.5 * AGREED_MAGNITUDE))
     beyond = np.maximum(
         np.abs(points.response - value) - _NOISE_ERRORS * points.standard_error, 0.0)
     misfit = beyond / np.abs(value)
@@ -180,6 +182,7 @@ def _is_uncertain(
 
 def _usable_to_hz(
     points: FrequencyResponse, value: NDArray[np.complex128], is_uncertain: NDArray[np.bool_],
+    margin: float,
 ) -> float:
     """Return the frequency below the first one where model and points do not agree."""
     size = np.abs(value)
@@ -192,8 +195,8 @@ def _usable_to_hz(
         total = np.convolve(information, np.ones(count), 'valid')
         mean = np.convolve(information * relative, np.ones(count), 'valid') / total
         allowance = _NOISE_ERRORS / np.sqrt(total)
-        apart = (np.abs(mean.real) > AGREED_MAGNITUDE + allowance) | (
-            np.abs(mean.imag) > AGREED_PHASE + allowance)
+        apart = (np.abs(mean.real) > AGREED_MAGNITUDE - margin + allowance) | (
+            np.abs(mean.imag) > AGREED_PHASE - margin + allowance)
         fails[:apart.size] |= apart
     first = int(np.argmax(fails)) if fails.any() else fails.size
     return float(points.frequency_hz[first - 1]) if first > 0 else 0.0

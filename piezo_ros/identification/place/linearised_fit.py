@@ -72,7 +72,8 @@ _EVALUATIONS: Final = 30
 _NEARLY: Final = 20.0  # difference of the criterion up to which the other kind is refined too
 _EFFORT: Final = Effort(starts=1, evaluations=20, tolerance=1e-4)
 _TOLERANCE: Final = 2e-3  # of a logarithm
-_GRID: Final = 2  # steps per sample period of the simulation
+_GRID: Final = 4  # steps per sample period of the simulation
+_COARSE_GRID: Final = 2  # of the first look at starts
 
 _Floats = NDArray[np.float64]
 _Respond = Callable[[Sequence[_Floats]], FrequencyResponse]
@@ -232,7 +233,7 @@ class _Search:
     def best_start(self, starts: Iterator[Factors]) -> tuple[float, Factors]:
         """Return the best of some starts with its criterion; the poles are parameters too."""
         return min(
-            ((self._criterion_of(before), before) for before in starts),
+            ((self._criterion_of(before, _COARSE_GRID), before) for before in starts),
             key=lambda found: found[0])
 
     def refined(self, found: tuple[float, Factors]) -> tuple[float, Factors]:
@@ -258,7 +259,7 @@ class _Search:
         self._starts = [fit.sections]  # that of poles which differ by little
         return fit.bayesian_criterion(_LEAST_ERROR)
 
-    def linearised(self, before: Factors) -> FrequencyResponse | None:
+    def linearised(self, before: Factors, steps: int = _GRID) -> FrequencyResponse | None:
         """
         Return the measured points times W_lin/W.
 
@@ -269,7 +270,7 @@ class _Search:
         true = self._respond([
             simulate_placed(
                 before, all_before, self._operator, record.voltage_v, record.sample_period_s,
-                finest=_GRID)
+                finest=steps)
             for record in self._records])
         linear = _linear(before).sampled_response(
             self._measured.frequency_hz, self._measured.sample_period_s)
@@ -281,8 +282,8 @@ class _Search:
             self._measured, response=self._measured.response * ratio,
             variance=self._measured.variance * np.abs(ratio)**2)
 
-    def _criterion_of(self, before: Factors) -> float:
-        points = self.linearised(before)
+    def _criterion_of(self, before: Factors, steps: int = _GRID) -> float:
+        points = self.linearised(before, steps)
         if points is None:
             return math.inf
         size = _vector(before).size
