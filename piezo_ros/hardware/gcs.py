@@ -69,7 +69,7 @@ class GcsParameters(ParameterSet):
         115200, 'bit/s', 'speed of a serial port', minimum=300, maximum=10_000_000)
     axis: str = parameter('1', '', 'axis of the controller')
     output_signal: int = parameter(
-        1, '', 'output channel whose voltage is recorded', minimum=1, maximum=64)
+        1, '', 'output channel of the recorded voltage', minimum=1, maximum=64)
     generator: int = parameter(1, '', 'wave generator of the axis', minimum=1, maximum=64)
     wave_table: int = parameter(1, '', 'wave table that blocks are put in', minimum=1, maximum=256)
     target_scale_um_per_v: float = parameter(

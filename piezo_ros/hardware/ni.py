@@ -94,7 +94,7 @@ class NiParameters(Calibration):
         if self.input_channel.split('/')[0] != self.output_channel.split('/')[0]:
             raise ParameterError(
                 f'output_channel is {self.output_channel!r} and input_channel '
-                f'{self.input_channel!r}: they must be on one card, whose clock they share')
+                f'{self.input_channel!r}: they must be on one card and share its clock')
         if not self.voltage_minimum_v <= self.operating_point_v <= self.voltage_maximum_v:
             raise ParameterError(
                 f'operating_point_v is {self.operating_point_v}, allowed is '

@@ -60,7 +60,7 @@ from piezo_ros.study.results import (
 )
 from piezo_ros.study.table_4 import SCHEMES, table_cells
 
-__all__ = ['CREEP', 'PaperExperiments', 'run_experiments', 'run_error_percent']
+__all__ = ['CREEP', 'Execute', 'PaperExperiments', 'run_error_percent', 'run_experiments']
 
 Execute = Callable[[Sequence[PlannedRun]], Iterator[Run]]
 _Floats = NDArray[np.float64]

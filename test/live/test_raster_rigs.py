@@ -26,7 +26,7 @@ AXES = ('fast', 'slow')
 
 
 class FakeGraph:
-    """A graph whose run goes on for some looks, and ends well or not."""
+    """A graph with a run that lasts some looks, and ends well or not."""
 
     def __init__(self, supervisor, directory, *, composed, progress):
         self.progress = progress

@@ -17,6 +17,7 @@
 import argparse
 import math
 from collections.abc import Callable, Sequence
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, NamedTuple
 
@@ -111,17 +112,23 @@ def placed_fit(
         return PlacedFit(fit, response, *_told_place(options, fit.parameters, runs))
     respond = _respond_of(options, runs)
     records = _time_records(runs)
+
+    @cache
+    def of_measured() -> 'tuple[HysteresisPlace | None, tuple[str, ...]]':
+        return _told_place(options, fit.parameters, runs)
     if fit.candidates:  # the structure is free
         from piezo_ros.identification.place.linearised_fit import fit_linearised
         found = fit_linearised(
             fit, points, records, hysteresis, respond, delay_samples=options.delay_samples)
-        place = _place_in_time(options, found.fit.parameters, runs) if found else None
-        if found and place and _is_borne_out(options, place, fit.parameters, runs):
+        place = None
+        if found and found.fit.parameters:
+            place, _ = _told_place(options, found.fit.parameters, runs)
+        if found and place and _is_borne_out(place, lambda: of_measured()[0]):
             place = place.decided_by_points()
             return PlacedFit(found.fit, found.response, place, (
                 f'{found} explains the points: its effect is taken out of them',
                 f'place of the hysteresis: {place}'))
-    place, words = _told_place(options, fit.parameters, runs)
+    place, words = of_measured()
     if place is None or place.is_decided:
         return PlacedFit(fit, response, place, words)
     from piezo_ros.identification.place.linearised_fit import same_to_hz
@@ -172,28 +179,15 @@ def _told_place(
 
 
 def _is_borne_out(
-    options: argparse.Namespace, place: 'HysteresisPlace', without: DynamicsParameters | None,
-    runs: list[Run],
+    place: 'HysteresisPlace', of_measured: 'Callable[[], HysteresisPlace | None]',
 ) -> bool:
     """Return whether the records in time too ask for poles before the hysteresis."""
     if not place.candidates[0].has_poles_before:
         return False
     if place.is_decided:
         return True
-    other = _place_in_time(options, without, runs)
+    other = of_measured()
     return other is None or place.misfit_um < _CLEARLY * other.misfit_um
-
-
-def _place_in_time(
-    options: argparse.Namespace, dynamics: DynamicsParameters | None, runs: list[Run],
-) -> 'HysteresisPlace | None':
-    """Return the place by the runs, None where they cannot tell it."""
-    if dynamics is None:
-        return None
-    try:
-        return _place(runs, options, dynamics)
-    except (BagError, ValueError):
-        return None
 
 
 def _place(

@@ -65,13 +65,17 @@ from piezo_ros.study.beyond.results import (
     RobustnessRow,
     ScanRun,
 )
-from piezo_ros.study.experiments import CREEP, PaperExperiments, run_error_percent
+from piezo_ros.study.experiments import (
+    CREEP,
+    Execute,
+    PaperExperiments,
+    run_error_percent,
+)
 from piezo_ros.study.table_4 import published_errors, table_cells
 
 __all__ = ['BeyondExperiments', 'run_beyond_experiments']
 
 _Run = Callable[[PlannedRun, Path], RunResult]
-_Execute = Callable[[Sequence[PlannedRun]], Iterator[Run]]
 
 _IDENTIFICATION_AMPLITUDES_UM: Final = (0.1, 0.2, 0.4)
 _RUNS: Final = 3  # as planned, and two that learn
@@ -121,7 +125,7 @@ _FAULTS: Final = (
 
 
 def run_beyond_experiments(
-    base: Mapping[str, Mapping[str, Any]], execute: _Execute, run: _Run, directory: Path,
+    base: Mapping[str, Mapping[str, Any]], execute: Execute, run: _Run, directory: Path,
     cells: Sequence[tuple[float, float]] | None = None,
     fault_cells: Sequence[tuple[float, float]] = _FAULT_CELLS,
 ) -> BeyondResults:
@@ -161,7 +165,7 @@ class BeyondExperiments:
     """The runs of the study, group by group; the models are identified first."""
 
     def __init__(
-        self, base: Mapping[str, Mapping[str, Any]], execute: _Execute, run: _Run,
+        self, base: Mapping[str, Mapping[str, Any]], execute: Execute, run: _Run,
         directory: Path,
     ) -> None:
         self._base = base
