@@ -90,6 +90,11 @@ class _NodeStop(StopRequest):
             self._has_interrupted = True
             raise _StartInterrupted
 
+    def raise_no_more(self) -> None:
+        """Take back an alarm under way: Python gives it back its default, which is to kill."""
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, signal.SIG_IGN)
+
     def _tell_unraisable(self, unraisable: Any) -> None:
         """Tell of what was raised where no code can catch it; a compiler cut off says nothing."""
         if not self._has_interrupted:
@@ -163,6 +168,7 @@ def _serve(make_nodes: Callable[[], Sequence[LoopNode]], stop: _NodeStop) -> int
     code = 1
     try:
         started = _run(nodes, stop, wake)
+        stop.raise_no_more()
         for node in nodes:
             _end(node, stop)
         failed = not started or any(node.run_state.has_failed for node in nodes)
