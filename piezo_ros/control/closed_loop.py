@@ -35,11 +35,10 @@ from piezo_ros.control.trajectory import TrajectoryParameters
 from piezo_ros.control.trajectory_blocks import trajectory_blocks
 from piezo_ros.model.hysteresis import HysteresisParameters
 from piezo_ros.model.hysteresis_and_inverse import InverseHysteresis
-from piezo_ros.model.noise import unit_noise
 from piezo_ros.model.rig import RigParameters
 from piezo_ros.model.simulated_rig import Rig
 
-__all__ = ['BareRun', 'ClosedLoopRun', 'run_loop', 'simulate', 'simulate_bare']
+__all__ = ['BareRun', 'ClosedLoopRun', 'run_loop', 'simulate', 'simulate_bare', 'target_of']
 
 
 class ClosedLoopRun(NamedTuple):
@@ -131,11 +130,18 @@ def simulate(
     True
 
     """
+    return run_loop(
+        plant, compensator, controller, trajectory.sample_period_s, *target_of(trajectory),
+        changes)
+
+
+def target_of(
+    trajectory: TrajectoryParameters,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return reference and feedforward of a whole run, micrometres, shape (N,) each."""
     reference_um, feedforward_um = trajectory_blocks(trajectory, compiled=True)(
         0, trajectory.samples)
-    return run_loop(
-        plant, compensator, controller, trajectory.sample_period_s,
-        np.asarray(reference_um), np.asarray(feedforward_um), changes)
+    return np.asarray(reference_um), np.asarray(feedforward_um)
 
 
 def run_loop(
@@ -180,7 +186,7 @@ def run_loop(
         np.array(reference_um), np.array(feedforward_um), np.empty(samples), np.empty(samples),
         np.empty(samples + 1))
     run.displacement_um[0] = rig.measure()
-    noise = unit_noise(plant.seed, 0, samples + 1)
+    noise = rig.noise(0, samples + 1)
     is_full = rig.constants.creep is not None or inverse.inverts_creep
     kernel = full_closed_loop if is_full else closed_loop
     for start, stop, piece in segments(law, changes, samples):

@@ -29,6 +29,7 @@ from piezo_ros.control import (
     simulate,
     simulate_bare,
 )
+from piezo_ros.control.closed_loop import run_loop, target_of
 from piezo_ros.model import HysteresisParameters, RigParameters
 from piezo_ros.parameters.errors import CampaignError
 from piezo_ros.parameters.parameter_file import parameters_yaml
@@ -60,8 +61,20 @@ def simulate_run(planned: PlannedRun, bag: Path) -> RunResult:
     return RunResult(seconds)
 
 
-def simulated_streams(planned: PlannedRun) -> dict[str, NDArray[np.float64]]:
-    """Simulate a run and return its streams; displacement has one sample more."""
+def simulated_streams(
+    planned: PlannedRun, target: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None,
+) -> dict[str, NDArray[np.float64]]:
+    """
+    Simulate a run and return its streams; displacement has one sample more.
+
+    Parameters
+    ----------
+    planned : PlannedRun
+        The run.
+    target : tuple of ndarray, shape (N,) each, optional
+        Reference and feedforward of its trajectory, where they are known already.
+
+    """
     if planned.hardware:
         # What `stand_in` has not made a run of a simulated rig, of which more is known.
         raise CampaignError(
@@ -69,9 +82,10 @@ def simulated_streams(planned: PlannedRun) -> dict[str, NDArray[np.float64]]:
     if planned.bare:
         bare = simulate_bare(planned.plant, planned.trajectory)
         return {'voltage': bare.voltage_v, 'displacement': bare.displacement_um}
-    run = simulate(
-        planned.plant, planned.compensator, planned.controller, planned.trajectory,
-        planned.changes)
+    reference_um, feedforward_um = target or target_of(planned.trajectory)
+    run = run_loop(
+        planned.plant, planned.compensator, planned.controller,
+        planned.trajectory.sample_period_s, reference_um, feedforward_um, planned.changes)
     return dict(zip(STREAMS, run, strict=True))
 
 

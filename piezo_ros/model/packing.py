@@ -66,18 +66,24 @@ def packed_inverse(
 
 
 def _packed(sizes: list[int], *contents: Any) -> NDArray[np.float64]:
-    return np.array([*sizes, *_flat(contents)], dtype=np.float64)
+    numbers: list[float] = [*sizes]
+    _append(numbers, contents)
+    return np.array(numbers, dtype=np.float64)
 
 
-def _flat(value: Any) -> list[float]:
-    """Return the numbers of nested named tuples and lists, depth first; none of None."""
+def _append(numbers: list[float], value: Any) -> None:
+    """Append the numbers of nested named tuples and of lists, depth first; none of None."""
     if value is None:
-        return []
+        return
     if isinstance(value, AsymmetryConstants):
-        return [float(len(value.threshold_um)), *_flat(tuple(value))]
-    if isinstance(value, list | tuple):
-        return [number for element in value for number in _flat(element)]
-    return [float(value)]
+        numbers.append(float(len(value.threshold_um)))
+    if isinstance(value, list):
+        numbers.extend(value)
+    elif isinstance(value, tuple):
+        for element in value:
+            _append(numbers, element)
+    else:
+        numbers.append(float(value))
 
 
 @step

@@ -24,6 +24,7 @@ import dataclasses
 import math
 import sys
 from collections.abc import Mapping, Sequence
+from functools import cache
 from typing import Any, NamedTuple, TypeVar
 
 __all__ = [
@@ -31,6 +32,7 @@ __all__ = [
     'Constraint',
     'ParameterError',
     'ParameterSet',
+    'as_yaml',
     'constraint_of',
     'parameter',
 ]
@@ -137,10 +139,19 @@ class ParameterSet:
     """
 
     def __post_init__(self) -> None:
-        for field in dataclasses.fields(self):
-            value = _converted(field, getattr(self, field.name))
-            _check(field.name, value, constraint_of(field))
-            object.__setattr__(self, field.name, value)
+        values = vars(self)
+        for field, name, kind, low, high, choices in _fields(type(self)):
+            value = values[name]
+            # Nearly all values are at once seen to be right; the others are looked at closely.
+            if type(value) is kind:
+                if kind is float or kind is int:
+                    if low <= value <= high:
+                        continue
+                elif not value if kind is tuple else not choices or value in choices:
+                    continue
+            value = _converted(field, value)
+            _check(name, value, constraint_of(field))
+            object.__setattr__(self, name, value)
         self.check_together()
 
     def check_together(self) -> None:
@@ -149,7 +160,7 @@ class ParameterSet:
     @classmethod
     def names(cls) -> tuple[str, ...]:
         """Return the names of all parameters."""
-        return tuple(field.name for field in dataclasses.fields(cls))
+        return _names(cls)
 
     @classmethod
     def among(cls: type[_Set], values: Mapping[str, Any]) -> _Set:
@@ -173,24 +184,51 @@ class ParameterSet:
             For an unknown name, a wrong type or a value out of range.
 
         """
+        cls._refuse_unknown(values)
+        return cls(**values)
+
+    def replaced(self: _Set, **values: Any) -> _Set:
+        """Return a copy with some values replaced, checked again."""
+        self._refuse_unknown(values)
+        own = vars(self)
+        return type(self)(**{**{name: own[name] for name in self.names()}, **values})
+
+    @classmethod
+    def _refuse_unknown(cls, values: Mapping[str, Any]) -> None:
         names = cls.names()
         for name in values:
             if name not in names:
                 raise ParameterError(
                     f'unknown parameter {name!r}; {cls.__name__} has {", ".join(names)}')
-        return cls(**values)
-
-    def replaced(self: _Set, **values: Any) -> _Set:
-        """Return a copy with some values replaced, checked again."""
-        return self.from_mapping({**self.to_mapping(), **values})
 
     def to_mapping(self) -> dict[str, Any]:
         """Return names and values, lists for tuples, ready for YAML."""
-        return {
-            field.name: list(value) if isinstance(value, tuple) else value
-            for field in dataclasses.fields(self)
-            for value in [getattr(self, field.name)]
-        }
+        return {name: as_yaml(getattr(self, name)) for name in self.names()}
+
+
+def as_yaml(value: Any) -> Any:
+    """Return the value of a parameter as YAML has it: a list for a tuple."""
+    return list(value) if isinstance(value, tuple) else value
+
+
+@cache
+def _fields(
+    parameter_set: type[ParameterSet],
+) -> tuple[tuple['dataclasses.Field[Any]', str, type, float, float, tuple[str, ...]], ...]:
+    """Return field, name, type, range (finite) and choices of each parameter of a set."""
+    largest = sys.float_info.max
+    found = []
+    for field in dataclasses.fields(parameter_set):
+        _, _, low, high, choices, _ = constraint_of(field)
+        found.append((
+            field, field.name, type(field.default), -largest if low is None else low,
+            largest if high is None else high, choices))
+    return tuple(found)
+
+
+@cache
+def _names(parameter_set: type[ParameterSet]) -> tuple[str, ...]:
+    return tuple(field.name for field in dataclasses.fields(parameter_set))
 
 
 def _converted(field: 'dataclasses.Field[Any]', value: Any) -> Any:

@@ -40,7 +40,7 @@ values are deviations from the operating point.
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any, Final, NamedTuple
 
 from piezo_ros.model.converter import ConverterConstants, convert_step, converter_constants
@@ -183,7 +183,7 @@ class RigParameters(HysteresisParameters, DynamicsParameters, DriftParameters, L
             return self.adc_span_v / 2.0 * self.sensor_scale_um_per_v
         return self.travel_um
 
-    @property
+    @cached_property
     def true_dynamics(self) -> DynamicsParameters:
         """The linear dynamics with every mismatch applied; the dc gain only by its own."""
         if self.dynamics == 'sections':

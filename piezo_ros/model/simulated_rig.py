@@ -142,8 +142,13 @@ class Rig:
 
     def measure(self) -> float:
         """Return the reading at the present index, micrometres; the rig does not move."""
-        return measure_step(
-            self.constants, float(self._state.displacement_um[0]), self._noise(self.index))
+        unit_noise = (
+            float(self.noise(self.index, 1)[0]) if self.is_compiled else self._noise(self.index))
+        return measure_step(self.constants, float(self._state.displacement_um[0]), unit_noise)
+
+    def noise(self, index: int, samples: int) -> NDArray[np.float64]:
+        """Return the unit noise of consecutive readings from an index on, shape (samples,)."""
+        return self._noise.block(index, samples)
 
     def answer(self, index: int, voltage_v: NDArray[np.float64]) -> NDArray[np.float64]:
         """

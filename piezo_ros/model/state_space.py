@@ -42,6 +42,7 @@ a period and u[k] during the rest::
 
 import math
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -224,11 +225,11 @@ def series(*systems: StateSpace) -> StateSpace:
     whole = systems[0]
     for system in systems[1:]:
         n, m = whole.a.shape[0], system.a.shape[0]
+        a = np.zeros((n + m, n + m))
+        a[:n, :n], a[n:, :n], a[n:, n:] = whole.a, system.b @ whole.c, system.a
         whole = StateSpace(
-            np.block([[whole.a, np.zeros((n, m))], [system.b @ whole.c, system.a]]),
-            np.vstack([whole.b, system.b @ whole.d]),
-            np.hstack([system.d @ whole.c, system.c]),
-            system.d @ whole.d)
+            a, np.concatenate([whole.b, system.b @ whole.d]),
+            np.concatenate([system.d @ whole.c, system.c], axis=1), system.d @ whole.d)
     return whole
 
 
@@ -384,7 +385,15 @@ def _update(state: Vector, scratch: Vector, constants: LinearConstants, value: f
 
 
 def _exponential(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the exponential of a matrix."""
+    """Return the exponential of a square matrix, not to be changed: it is shared."""
+    return _exponential_of(matrix.tobytes(), len(matrix))
+
+
+@lru_cache(maxsize=64)  # rigs that differ in one part have the others in common
+def _exponential_of(content: bytes, order: int) -> NDArray[np.float64]:
     # Here, for it takes a fifth of the memory of a node, and most nodes discretise nothing.
     from scipy.linalg import expm
-    return np.asarray(expm(matrix), dtype=np.float64)
+    exponential: NDArray[np.float64] = expm(
+        np.frombuffer(content).reshape(order, order).copy())
+    exponential.setflags(write=False)
+    return exponential

@@ -15,13 +15,14 @@
 """A run, whether on live nodes or offline: what its nodes are told, and how it went."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Protocol
 
 from piezo_ros.control import ControllerParameters, TrajectoryParameters
 from piezo_ros.control.changes import Change, parse_changes
-from piezo_ros.model import CompensatorParameters, RigParameters
+from piezo_ros.model import CompensatorParameters, ParameterSet, RigParameters
+from piezo_ros.model.parameters import as_yaml
 from piezo_ros.parameters.hardware_parameters import HardwareParameters
 from piezo_ros.parameters.node_parameters import LOOP_NODES
 
@@ -94,6 +95,32 @@ class PlannedRun:
     def controller(self) -> ControllerParameters:
         """Gains and scheme."""
         return ControllerParameters.among(self.parameters['controller'])
+
+    def replaced(self, node: str, values: Mapping[str, Any]) -> 'PlannedRun':
+        """
+        Return the run with other parameters of the model of a node, checked.
+
+        Parameters
+        ----------
+        node : str
+            One of `LOOP_NODES`.
+        values : mapping of str to value
+            Parameters of what the property of that name has.
+
+        Raises
+        ------
+        ParameterError
+            If a parameter is none of the model, or out of range.
+
+        """
+        model: ParameterSet = getattr(self, node).replaced(**values)
+        own = {name: as_yaml(getattr(model, name)) for name in values}
+        run = replace(self, parameters={
+            **self.parameters, node: {**self.parameters[node], **own}})
+        # The models are properties that are computed once: the others stay as they are.
+        vars(run).update({
+            name: vars(self)[name] for name in LOOP_NODES if name in vars(self)}, **{node: model})
+        return run
 
     @property
     def changes(self) -> tuple[Change, ...]:

@@ -39,7 +39,8 @@ from piezo_ros.parameters.errors import PlanError
 from piezo_ros.parameters.node_parameters import LOOP_NODES, check_node_parameters
 from piezo_ros.parameters.run import PlannedRun
 
-__all__ = ['RUN_KEYS', 'SHORT_KEYS', 'checked_parameters', 'plan_run']
+__all__ = [
+    'RUN_KEYS', 'SHORT_KEYS', 'check_run', 'checked_parameters', 'plan_run', 'run_name']
 
 # The keys of a run that are short for a parameter of a node; every other key names a node.
 SHORT_KEYS: Final = {
@@ -121,15 +122,37 @@ def plan_run(
     if len(set(periods.values())) > 1:
         raise PlanError(f'{where}: sample_period_s differs between the nodes: {periods}')
     run = PlannedRun(name, parameters)
-    _check_travel(where, run, score_periods)
-    _check_changes(where, run)
+    check_run(where, run, score_periods)
     if undecided:
         known = known or Known()
         run = decide(
             where, run, undecided, known, score_periods, place_told=place_is_told(
                 values['trajectory'], known.sections.get('trajectory', {})))
     check_hardware(where, run)
-    return run if name else replace(run, name=_name(run, number))
+    return run if name else replace(run, name=run_name(run, number))
+
+
+def check_run(where: str, run: PlannedRun, score_periods: float) -> None:
+    """
+    Refuse a motion that the stage cannot make, and changes that cannot be made.
+
+    Parameters
+    ----------
+    where : str
+        What errors begin with.
+    run : PlannedRun
+        The run.
+    score_periods : float
+        Periods at the end of the run that will be scored.
+
+    Raises
+    ------
+    PlanError
+        As `plan_run`.
+
+    """
+    _check_travel(where, run, score_periods)
+    _check_changes(where, run)
 
 
 def _changes(where: str, entries: Any) -> tuple[str, str]:
@@ -167,7 +190,8 @@ def _check_changes(where: str, run: PlannedRun) -> None:
         raise PlanError(f'{where}: changes: {error}') from None
 
 
-def _name(run: PlannedRun, number: int) -> str:
+def run_name(run: PlannedRun, number: int) -> str:
+    """Return the name of a run, made of its number, scheme and waveform."""
     trajectory = run.trajectory
     scheme = 'bare' if run.bare else run.controller.scheme
     amplitude = f'{trajectory.amplitude_v:g}v' if run.bare else f'{trajectory.amplitude_um:g}um'

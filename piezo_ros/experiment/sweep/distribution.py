@@ -16,37 +16,46 @@
 Distributions of parameters in a sweep, and draws from them.
 
 A draw is a function of seed, number of the draw and name of the parameter alone: more draws later,
-or another parameter beside, leave those that were there as they are.
+or another parameter beside, leave those that were there as they are. They are made in blocks of
+256 draws, each with a generator of its own.
 """
 
 import math
 import zlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 __all__ = ['KINDS', 'Distribution', 'read_distribution']
 
-_Draw = Callable[[np.random.Generator, list[float]], float]
+_Draw = Callable[[np.random.Generator, tuple[float, ...], tuple[int, int]], NDArray[Any]]
 
 
-def _log_uniform(generator: np.random.Generator, bounds: list[float]) -> float:
-    return math.exp(generator.uniform(math.log(bounds[0]), math.log(bounds[1])))
+def _log_uniform(
+    generator: np.random.Generator, bounds: tuple[float, ...], shape: tuple[int, int],
+) -> NDArray[np.float64]:
+    return np.exp(generator.uniform(math.log(bounds[0]), math.log(bounds[1]), shape))
 
 
+# Kind -> what it needs, and what makes draws of it; of a choice the places in the list.
 KINDS: Final[Mapping[str, tuple[str, _Draw]]] = {
-    'uniform': ('[low, high]', lambda generator, p: float(generator.uniform(p[0], p[1]))),
+    'uniform': ('[low, high]', lambda generator, p, shape: generator.uniform(p[0], p[1], shape)),
     'log_uniform': ('[low, high], both above 0', _log_uniform),
     'normal': (
-        '[mean, standard deviation]', lambda generator, p: float(generator.normal(p[0], p[1]))),
+        '[mean, standard deviation]',
+        lambda generator, p, shape: generator.normal(p[0], p[1], shape)),
     'integers': (
         '[lowest, highest]',
-        lambda generator, p: int(generator.integers(int(p[0]), int(p[1]), endpoint=True))),
+        lambda generator, p, shape: generator.integers(
+            int(p[0]), int(p[1]), shape, endpoint=True)),
     'choice': (
-        'a list of values', lambda generator, p: p[int(generator.integers(len(p)))]),
+        'a list of values', lambda generator, p, shape: generator.integers(0, int(p[0]), shape)),
 }
+_BLOCK: Final = 256  # draws that are made at once
 _RELATIVE: Final = ('times', 'each_times')
 
 
@@ -86,18 +95,32 @@ class Distribution:
             Seed of the sweep and number of the draw.
 
         """
-        generator = np.random.Generator(np.random.Philox(
-            np.random.SeedSequence([seed, number, zlib.crc32(name.encode())])))
-        _, draw = KINDS[self.kind]
-        arguments = list(self.arguments)
+        is_list = bool(self.relative) and isinstance(base, list | tuple)
+        count = len(base) if is_list and self.relative == 'each_times' else 1
+        is_choice = self.kind == 'choice'
+        numbers = (len(self.arguments),) if is_choice else self.arguments
+        block, place = divmod(number, _BLOCK)
+        drawn = _drawn_block(self.kind, numbers, count, seed, block, name)[place]
+        if is_choice:
+            drawn = [self.arguments[place] for place in drawn]
         if not self.relative:
-            return draw(generator, arguments)
-        if not isinstance(base, list | tuple):
-            return base * draw(generator, arguments)
-        if self.relative == 'times':
-            factor = draw(generator, arguments)
-            return [value * factor for value in base]
-        return [value * draw(generator, arguments) for value in base]
+            return drawn[0]
+        if not is_list:
+            return base * drawn[0]
+        factors = drawn if self.relative == 'each_times' else drawn * len(base)
+        return [value * factor for value, factor in zip(base, factors, strict=True)]
+
+
+@lru_cache(maxsize=256)
+def _drawn_block(
+    kind: str, numbers: tuple[float, ...], count: int, seed: int, block: int, name: str,
+) -> list[list[Any]]:
+    """Return ``count`` numbers for each draw of a block."""
+    generator = np.random.Generator(np.random.Philox(
+        np.random.SeedSequence([seed, block, zlib.crc32(name.encode())])))
+    _, draw = KINDS[kind]
+    drawn: list[list[Any]] = draw(generator, numbers, (_BLOCK, count)).tolist()
+    return drawn
 
 
 def read_distribution(content: Any) -> Distribution:

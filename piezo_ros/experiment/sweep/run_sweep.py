@@ -30,7 +30,7 @@ from piezo_ros.report.files import write_atomically
 
 __all__ = ['Sweep', 'open_sweep', 'run_sweep']
 
-FORMAT_VERSION: Final = 1
+FORMAT_VERSION: Final = 2  # 1 drew other values of the same seed
 _RECORD: Final = 'sweep.json'
 # So long that handing tasks out costs nothing, so short that a killed worker costs little.
 _MOST_RUNS_PER_TASK: Final = 50

@@ -18,6 +18,7 @@ import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Final
 
 from piezo_ros.experiment.plan import Known, Plan, plan_run
@@ -84,17 +85,24 @@ class SweepPlan:
     def drawn(self, number: int) -> dict[str, Any]:
         """Return ``node.name`` and value of what is drawn for a run."""
         draw, which = divmod(number, len(self.entries))
-        values: dict[str, Any] = {}
-        for name, distribution in self.distributions.items():
-            base = None
-            if distribution.relative:
+        return {
+            name: distribution.draw(self._without_draw[which][name], name, self.seed, draw)
+            for name, distribution in self.distributions.items()}
+
+    @cached_property
+    def _without_draw(self) -> tuple[dict[str, Any], ...]:
+        """What each entry has for a parameter that is drawn relative to it, else None."""
+        found: list[dict[str, Any]] = []
+        for entry in self.entries:
+            values = dict.fromkeys(self.distributions)
+            for name, distribution in self.distributions.items():
                 node, _, parameter = name.partition('.')
-                section = self.entries[which].get(node, {})
-                base = section.get(parameter, self.base[node].get(parameter))
-                if base is None:
-                    base = check_node_parameters(node, {})[parameter]
-            values[name] = distribution.draw(base, name, self.seed, draw)
-        return values
+                if distribution.relative:
+                    told = {**self.base[node], **entry.get(node, {})}
+                    values[name] = told[parameter] if parameter in told else (
+                        check_node_parameters(node, {})[parameter])
+            found.append(values)
+        return tuple(found)
 
     def run(self, number: int) -> PlannedRun:
         """

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-The work of a sweep's worker: simulated runs, each with its result in a directory of its own.
+The work of a sweep's worker: simulated runs and their scores.
 
-The result of a run, ``run.json`` in ``runs/<number>``, is written last and at once, so that a run
-is done or it is not, whenever its worker was killed.
+Where each run has a directory of its own, ``runs/<number>``, its result ``run.json`` is written
+last and at once, so that a run is done or it is not, whenever its worker was killed.
 """
 
 import json
@@ -29,7 +29,8 @@ from typing import Any, Final, TypeAlias
 
 import numpy as np
 
-from piezo_ros.experiment.offline import compile_loop, simulated_streams, write_run
+from piezo_ros.experiment.offline import compile_loop, write_run
+from piezo_ros.experiment.sweep.drawn_runs import DrawnRuns
 from piezo_ros.experiment.sweep.sweep_plan import SweepPlan
 from piezo_ros.report.files import write_atomically
 from piezo_ros.report.metrics import nrmse, tail
@@ -58,12 +59,15 @@ class SweepWork:
         Where its runs go, by a path that is valid for every worker.
     keep_bags : bool
         Whether the bag of each run is kept beside its result.
+    scores_only : bool
+        Whether no run has a directory: the records are handed over and not written.
 
     """
 
     plan: SweepPlan
     directory: str
-    keep_bags: bool
+    keep_bags: bool = False
+    scores_only: bool = False
 
 
 # Does every batch of runs with `do_runs`; hands over the records of each as soon as it is done.
@@ -94,25 +98,39 @@ def do_runs(work: SweepWork, numbers: Sequence[int]) -> list[dict[str, Any]]:
 
     """
     compile_loop()
-    return [finished_run(work.directory, number) or _do(work, number) for number in numbers]
+    runs = DrawnRuns(work.plan)
+    if work.scores_only:
+        return [_scored(work, runs, number, None) for number in numbers]
+    return [
+        finished_run(work.directory, number) or _kept(work, runs, number) for number in numbers]
 
 
-def _do(work: SweepWork, number: int) -> dict[str, Any]:
+def _kept(work: SweepWork, runs: DrawnRuns, number: int) -> dict[str, Any]:
+    """Do a run and keep its record, and its bag where that is wanted."""
     directory = run_directory(work.directory, number)
     if directory.exists():
         shutil.rmtree(directory)  # of a worker that was killed
     directory.mkdir(parents=True)
+    record = _scored(work, runs, number, directory / 'bag' if work.keep_bags else None)
+    write_atomically(directory / _RUN_RECORD, json.dumps(record))
+    return record
+
+
+def _scored(
+    work: SweepWork, runs: DrawnRuns, number: int, bag: Path | None,
+) -> dict[str, Any]:
+    """Do a run and return its record."""
+    drawn = work.plan.drawn(number)
+    draw, entry = divmod(number, len(work.plan.entries))
     record: dict[str, Any] = {
-        'number': number, 'draw': number // len(work.plan.entries),
-        'run': number % len(work.plan.entries), 'name': '',
-        **work.plan.drawn(number), **dict.fromkeys(_RESULT_KEYS), 'error': ''}
+        'number': number, 'draw': draw, 'run': entry, 'name': '', **drawn,
+        **dict.fromkeys(_RESULT_KEYS), 'error': ''}
     start = time.perf_counter()
     try:
-        planned = work.plan.run(number)
-        record['name'] = planned.name
+        record['name'], planned = runs.run(number, drawn)
         for node, parameter in _DESCRIBING:
             record[parameter] = planned.parameters[node][parameter]
-        streams = simulated_streams(planned)
+        streams = runs.streams(planned)
         trajectory = planned.trajectory
         window = tail(
             trajectory.samples, trajectory.frequency_hz, trajectory.sample_period_s,
@@ -121,12 +139,11 @@ def _do(work: SweepWork, number: int) -> dict[str, Any]:
         displacement_um = streams['displacement'][window]
         record['nrmse_percent'] = _PERCENT * nrmse(reference_um, displacement_um)
         record['max_error_um'] = float(np.max(np.abs(reference_um - displacement_um)))
-        if work.keep_bags:
-            write_run(planned, streams, directory / 'bag')
+        if bag is not None:
+            write_run(planned, streams, bag)
     except (ValueError, ArithmeticError) as error:
         record['error'] = str(error)
     record['seconds'] = time.perf_counter() - start
-    write_atomically(directory / _RUN_RECORD, json.dumps(record))
     return record
 
 
