@@ -16,12 +16,13 @@
 
 import json
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
 from piezo_ros.experiment.output_directory import keep_plan, prepare_directory
+from piezo_ros.experiment.sweep.scores_file import ScoresFile
 from piezo_ros.experiment.sweep.sweep_plan import SweepPlan
 from piezo_ros.experiment.sweep.table import write_table
 from piezo_ros.experiment.sweep.work import Engine, SweepWork, finished_run
@@ -34,6 +35,7 @@ FORMAT_VERSION: Final = 2  # 1 drew other values of the same seed
 _RECORD: Final = 'sweep.json'
 # So long that handing tasks out costs nothing, so short that a killed worker costs little.
 _MOST_RUNS_PER_TASK: Final = 50
+_MOST_SCORED_PER_TASK: Final = 500  # that leave nothing but their scores
 _TASKS_PER_WORKER: Final = 8
 
 
@@ -133,15 +135,17 @@ def run_sweep(
 
     """
     runs = work.plan.runs
-    results = {
-        number: record for number in range(runs)
-        if (record := finished_run(work.directory, number)) is not None}
+    scores = ScoresFile(Path(work.directory))
+    results = _finished(work, scores)
     resumed = len(results)
     left = [number for number in range(runs) if number not in results]
-    size = max(1, min(_MOST_RUNS_PER_TASK, len(left) // (workers * _TASKS_PER_WORKER)))
+    most = _MOST_SCORED_PER_TASK if work.scores_only else _MOST_RUNS_PER_TASK
+    size = max(1, min(most, len(left) // (workers * _TASKS_PER_WORKER)))
     batches = [left[start:start + size] for start in range(0, len(left), size)]
 
-    def take(records: Iterable[Mapping[str, Any]]) -> None:
+    def take(records: Sequence[Mapping[str, Any]]) -> None:
+        if work.scores_only:
+            scores.add(records)
         for record in records:
             results[record['number']] = dict(record)
         progress(len(results), runs)
@@ -157,3 +161,15 @@ def run_sweep(
             f'{len(missing)} runs were not done, the first is number {missing[0]}')
     ordered = [results[number] for number in range(runs)]
     return Sweep(ordered, write_table(Path(work.directory), ordered), resumed, seconds)
+
+
+def _finished(work: SweepWork, scores: ScoresFile) -> dict[int, dict[str, Any]]:
+    """Return number and record of the runs that are done, with a directory or without."""
+    found = {
+        number: record for number, record in scores.read().items() if number < work.plan.runs}
+    if (Path(work.directory) / 'runs').is_dir():
+        for number in range(work.plan.runs):
+            record = None if number in found else finished_run(work.directory, number)
+            if record is not None:
+                found[number] = record
+    return found

@@ -29,6 +29,7 @@ import pytest
 
 from piezo_ros.bag import read
 from piezo_ros.experiment.plan import read_plan
+from piezo_ros.experiment.sweep.drawn_runs import DrawnRuns
 from piezo_ros.experiment.sweep.engines import dask_engine, local_engine
 from piezo_ros.experiment.sweep.run_sweep import open_sweep, run_sweep
 from piezo_ros.experiment.sweep.sweep_plan import read_sweep
@@ -305,3 +306,52 @@ class TestDask:
         check_what_a_killed_worker_costs(
             work, dask_engine(2, cluster.scheduler_address),
             lambda: os.kill(cluster.workers[0].pid, signal.SIGKILL))
+
+
+def test_scores_alone_are_those_of_the_runs_with_directories(prepare, tmp_path):
+    kept = run_sweep(prepare(), in_process, workers=1)
+    work = prepare(force=True)
+    scored = run_sweep(dataclasses.replace(work, scores_only=True), in_process, workers=1)
+    assert without_times(scored.results) == without_times(kept.results)
+    assert not (tmp_path / 'out' / 'runs').exists()
+    assert table_of(scored.table)[3]['name'] == kept.results[3]['name']
+
+
+def test_scores_alone_go_on_behind_a_torn_line(prepare, tmp_path):
+    work = dataclasses.replace(prepare(draws=2), scores_only=True)
+    few = run_sweep(work, in_process, workers=1)
+    file = tmp_path / 'out' / 'scores.jsonl'
+    file.write_text(file.read_text()[:-30])  # of the last of the four runs
+    more = run_sweep(dataclasses.replace(prepare(draws=3), scores_only=True), in_process, workers=1)
+    assert more.resumed == 3
+    assert without_times(more.results[:4]) == without_times(few.results)
+    assert run_sweep(work, in_process, workers=1).resumed == 4
+
+
+@pytest.mark.parametrize('drawn', [
+    'plant.slew_limit_v_per_s: {uniform: [50.0, 5000.0]}',
+    'controller.integral_gain_per_s: {times: {uniform: [0.5, 2.0]}}',
+    'compensator.saturation_v: {each_times: {normal: [1.0, 0.01]}}',
+    'trajectory.amplitude_um: {uniform: [0.5, 2.0]}',
+    'trajectory.amplitude_um: {choice: [1.0, 99.0]}',  # beyond the travel
+    'controller.scheme: {choice: [fb, fbff]}',
+    'trajectory.block_samples: {integers: [1, 100]}',  # of no model
+])
+def test_a_drawn_run_is_that_of_the_plan(write, drawn):
+    plan = read_sweep(read_plan(write(
+        PLAN.replace('scheme: [ff, fbff], ', '').replace(
+            'plant.seed: {integers: [1, 1000]}', drawn), draws=4)))
+    runs = DrawnRuns(plan)
+    for number in range(plan.runs):
+        try:
+            expected = plan.run(number)
+        except PlanError as error:
+            with pytest.raises(PlanError) as refusal:
+                runs.run(number, plan.drawn(number))
+            assert str(refusal.value) == str(error)
+            continue
+        name, planned = runs.run(number, plan.drawn(number))
+        assert name == expected.name
+        assert planned.parameters == expected.parameters
+        for node in ('plant', 'compensator', 'controller', 'trajectory'):
+            assert getattr(planned, node) == getattr(expected, node)
