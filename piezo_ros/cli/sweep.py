@@ -25,6 +25,8 @@ from piezo_ros.interruption import stopped_by
 from piezo_ros.parameters.errors import CampaignError, PlanError, failure_text
 
 if TYPE_CHECKING:
+    from piezo_ros.experiment.sweep.run_sweep import Sweep
+    from piezo_ros.experiment.sweep.sweep_plan import SweepPlan
     from piezo_ros.experiment.sweep.work import Engine
 
 __all__ = ['add_arguments']
@@ -87,12 +89,14 @@ def _sweep(options: argparse.Namespace) -> int:
                 f'{options.plan} lies in the output directory {options.output}, which would '
                 'replace it')
         engine = _engine(options)
-        plan = read_sweep(read_plan(options.plan))
+        whole = read_plan(options.plan)
+        plan = read_sweep(whole)
         open_sweep(plan, options.plan, options.output, force=options.force)
         sweep = run_sweep(
             SweepWork(
                 plan, str(options.output.resolve()), options.bags, options.scores_only), engine,
             workers=options.workers, progress=progress)
+        report = _report(options.output, plan, sweep, whole.title)
     except (CampaignError, ImportError, OSError) as error:
         progress.end()
         print(f'piezo: {failure_text(error)}', file=sys.stderr)
@@ -115,7 +119,18 @@ def _sweep(options: argparse.Namespace) -> int:
     if sweep.failed:
         print(f'piezo: {len(sweep.failed)} runs failed', file=sys.stderr)
     print(f'table: {sweep.table}')
+    if report is not None:
+        print(f'report: {report}')
     return 1 if sweep.failed else 0
+
+
+def _report(output: Path, plan: 'SweepPlan', sweep: 'Sweep', title: str) -> Path | None:
+    try:
+        from piezo_ros.experiment.sweep.sweep_report import write_sweep_report
+    except ImportError:  # without Matplotlib the table is all the same
+        return None
+    return write_sweep_report(
+        output, plan, sweep, title=title, text=(output / 'plan.yaml').read_text(encoding='utf-8'))
 
 
 def _engine(options: argparse.Namespace) -> 'Engine':

@@ -24,7 +24,7 @@ import numpy as np
 
 from piezo_ros.report.files import put_in_place
 
-__all__ = ['summary_table', 'write_table']
+__all__ = ['by_run', 'run_title', 'summary_table', 'write_table']
 
 _QUANTILES: Final = (0.05, 0.5, 0.95)
 
@@ -77,20 +77,24 @@ def summary_table(results: Sequence[Mapping[str, Any]]) -> str:
     """Return quantiles of the tracking error over the draws, one line for each run of the plan."""
     heads = ''.join(f'{f"{quantile:.0%}":>10}' for quantile in _QUANTILES)
     lines = [f'{"NRMSE %":44}{"draws":>8}{heads}']
+    for group in by_run(results).values():
+        values = np.quantile([result['nrmse_percent'] for result in group], _QUANTILES)
+        numbers = ''.join(f'{value:10.3f}' for value in values)
+        lines.append(f'{run_title(group):44}{len(group):8}{numbers}')
+    return '\n'.join(lines)
+
+
+def by_run(results: Sequence[Mapping[str, Any]]) -> dict[int, list[Mapping[str, Any]]]:
+    """Return the number of each run of the plan, and the records of its draws without error."""
     groups: dict[int, list[Mapping[str, Any]]] = {}
     for result in results:
         if not result['error']:
             groups.setdefault(result['run'], []).append(result)
-    for run in sorted(groups):
-        group = groups[run]
-        values = np.quantile([result['nrmse_percent'] for result in group], _QUANTILES)
-        numbers = ''.join(f'{value:10.3f}' for value in values)
-        lines.append(f'{_title(group):44}{len(group):8}{numbers}')
-    return '\n'.join(lines)
+    return dict(sorted(groups.items()))
 
 
-def _title(group: Sequence[Mapping[str, Any]]) -> str:
-    """Return what all runs of a group have in common."""
+def run_title(group: Sequence[Mapping[str, Any]]) -> str:
+    """Return what all draws of a run have in common."""
     forms = {
         'scheme': '{}', 'waveform': '{}', 'amplitude_um': '{:g} um', 'frequency_hz': '{:g} Hz',
         'harmonics': 'm = {}'}
