@@ -31,6 +31,7 @@ from piezo_ros.experiment.model_file import (
     read_dynamics,
     read_evidence,
 )
+from piezo_ros.experiment.output_directory import prepare_directory
 from piezo_ros.experiment.plan.automatic import AUTO
 from piezo_ros.model import LinearDynamics
 from piezo_ros.parameters.errors import PlanError, failure_text
@@ -46,7 +47,7 @@ __all__ = ['add_arguments']
 
 _EXAMPLES: Final = """\
 examples:
-  piezo tune config/trajectory.yaml -o controller.yaml
+  piezo tune config/trajectory.yaml -o controller.yaml --report out/tuning
   piezo tune model.yaml --bound bound.yaml --max-sensitivity 1.5 -o controller.yaml
   piezo tune trajectory.yaml --compensator compensator.yaml --plant rig.yaml -o controller.yaml
   piezo tune model.yaml --lead --objective feedback_band --max-sensitivity 1.6 -o controller.yaml
@@ -79,6 +80,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '-o', '--output', type=Path, required=True, metavar='FILE',
         help='parameter file of the controller to write')
     parser.add_argument('--force', action='store_true', help='replace the file')
+    parser.add_argument(
+        '--report', type=Path, metavar='DIR',
+        help='draw Bode and Nyquist diagram, |S| and |T|, step and scan, and the map of schemes: '
+        'a page in this directory')
     parser.add_argument(
         '--bound', type=Path, metavar='FILE',
         help="what identify uncertainty wrote, or 'none' (default: (19) of the paper)")
@@ -148,6 +153,12 @@ def _tune(options: argparse.Namespace) -> int:
         print(f'piezo: {options.output} exists; --force replaces it', file=sys.stderr)
         return EXIT_USAGE
     try:
+        if options.report:
+            prepare_directory(options.report, force=options.force)
+    except PlanError as error:
+        print(f'piezo: {error}', file=sys.stderr)
+        return EXIT_USAGE
+    try:
         poor = _poor_models(options)
         if poor:
             print(f'piezo: {poor}; --accept-poor tunes all the same', file=sys.stderr)
@@ -176,6 +187,11 @@ def _tune(options: argparse.Namespace) -> int:
             isinstance(model, LinearDynamics) and not options.no_operating_points) else ()
         write_atomically(options.output, tuning.to_parameter_yaml(
             source=str(options.model), table=feedback_table(points) if points else None))
+        report = None
+        if options.report:
+            from piezo_ros.cli.shared.tuning_report import write_tuning_report
+            report = write_tuning_report(
+                options, model, tuning, published, evidence, bound, points)
     except (PlanError, ValueError, OSError) as error:
         print(f'piezo: {failure_text(error)}', file=sys.stderr)
         return EXIT_FAILED
@@ -194,6 +210,8 @@ def _tune(options: argparse.Namespace) -> int:
         print()
         print(operating_points_text(points, options))
     print(f'gains: {options.output}')
+    print('next: --report DIR draws the loop and its margins' if report is None
+          else f'report: {report}')
     return 0
 
 

@@ -42,7 +42,7 @@ from scipy.signal import oaconvolve
 from piezo_ros.identification.tuning.pi_loop import PiLoop
 from piezo_ros.model.state_space import StateSpace
 
-__all__ = ['itae']
+__all__ = ['impulse_response', 'itae']
 
 _STEP_POINTS = 8192  # over the settling of a step
 
@@ -78,13 +78,23 @@ def itae(loop: PiLoop, reference_um: _Floats | None, step_s: float, steps: int) 
         error = _step_response(system, stride, steps // stride)
     else:
         stride = 1
-        error = oaconvolve(_impulse_response(system, steps), reference_um)[:steps]
+        error = oaconvolve(impulse_response(system, steps), reference_um)[:steps]
     time_s = step_s * stride * np.arange(error.size)
     return float(trapezoid(time_s * np.abs(error), time_s))
 
 
-def _impulse_response(system: StateSpace, steps: int) -> _Floats:
-    """Return the output after a unit impulse of the input, shape (steps,)."""
+def impulse_response(system: StateSpace, steps: int) -> _Floats:
+    """
+    Return the output of a discrete system after a unit impulse of its input, shape (steps,).
+
+    Parameters
+    ----------
+    system : StateSpace
+        The system, from rest.
+    steps : int
+        Number of samples.
+
+    """
     states = _powers(system.a, system.b, steps - 1)
     return np.concatenate([system.d[0], (system.c @ states)[0]])
 
