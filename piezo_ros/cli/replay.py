@@ -19,33 +19,39 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, TypeVar
 
+import numpy as np
+
 from piezo_ros.bag import BagError, read
 from piezo_ros.cli.shared.bag_options import add_bag_options, bag_options
+from piezo_ros.cli.shared.exit_codes import EXIT_DONE, EXIT_FAILED, EXIT_LOSS, EXIT_USAGE
 from piezo_ros.control import SCHEMES, ControllerParameters
+from piezo_ros.experiment.plan.automatic import AUTO
 from piezo_ros.model import (
     CompensatorParameters,
     DynamicsParameters,
     HysteresisParameters,
+    ParameterError,
     ParameterSet,
     RigParameters,
 )
-from piezo_ros.parameters.errors import PlanError
+from piezo_ros.parameters.errors import PlanError, failure_text
 from piezo_ros.parameters.parameter_file import read_parameter_file
-from piezo_ros.report.metrics import nrmse
 
 if TYPE_CHECKING:
+    from piezo_ros.bag import Run
     from piezo_ros.experiment.replay import ReplayResult
+    from piezo_ros.report.analysis.replayed_run import ReplayedRun
 
 __all__ = ['add_arguments']
 
 _EXAMPLES: Final = """\
 examples:
   piezo replay out/demo/bags/000_fb_triangle_1um_300hz --scheme fbff
-  piezo replay out/demo/bags/002_fbff_triangle_1um_300hz --controller tuned.yaml
+  piezo replay out/demo/bags/002_fbff_triangle_1um_300hz --controller tuned.yaml -o out/replay
+  piezo replay out/demo/bags/002_fbff_triangle_1um_300hz --scheme auto --kp 0.5 --ki 4000
   piezo replay recording --controller tuned.yaml --compensator compensator.yaml \
       --trajectory trajectory.yaml --plant data_sheet.yaml
 """
-_PERCENT: Final = 100.0
 _Set = TypeVar('_Set', bound=ParameterSet)
 
 
@@ -60,55 +66,145 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--trajectory', type=Path, metavar='FILE',
         help='dynamics of a rig of which neither bag nor --plant tells them; its hysteresis is '
         'that of --compensator then')
-    parser.add_argument('--scheme', choices=SCHEMES, help='another scheme')
+    parser.add_argument(
+        '--scheme', choices=(*SCHEMES, AUTO),
+        help=f'another scheme; {AUTO}: of ff, fbff and fb the one that errs least in the replay')
+    for option, gain in (('kp', 'kP'), ('ki', 'kI, 1/s')):
+        parser.add_argument(
+            f'--{option}', type=float, metavar='GAIN', help=f'another gain {gain}')
+    parser.add_argument(
+        '-o', '--output', type=Path, metavar='DIR',
+        help='directory of a page with recorded beside replayed, and their difference')
+    parser.add_argument('--force', action='store_true', help='replace an earlier output')
     add_bag_options(parser)
     parser.set_defaults(function=_replay)
 
 
 def _replay(options: argparse.Namespace) -> int:
-    from piezo_ros.experiment.replay import replay
+    if options.output is not None:
+        from piezo_ros.experiment.output_directory import prepare_directory
+        try:
+            prepare_directory(options.output, force=options.force)
+        except PlanError as error:
+            print(f'piezo: {error}', file=sys.stderr)
+            return EXIT_USAGE
     try:
         run = read(options.bag, **bag_options(options))
-        result = replay(
-            run, scheme=options.scheme,
-            controller=_replaced(options.controller, 'controller', ControllerParameters),
+        result, others = _results(run, options)
+        print(_table(result))
+        if others:
+            print(_chosen(result, others))
+        print(_origins(result, options))
+        report = _report(result, options) if options.output is not None else None
+    except (BagError, PlanError, ValueError, OSError) as error:
+        print(f'piezo: {failure_text(error)}', file=sys.stderr)
+        return EXIT_FAILED
+    print('next: -o DIR draws both runs and their difference' if report is None
+          else f'report: {report}')
+    if _warning(result):
+        print(f'piezo: warning: {_warning(result)}', file=sys.stderr)
+    for loss in run.lost:
+        print(f'piezo: {run.path}: {loss}', file=sys.stderr)
+    return EXIT_LOSS if run.lost else EXIT_DONE
+
+
+def _results(
+    run: 'Run', options: argparse.Namespace,
+) -> tuple['ReplayResult', dict[str, 'ReplayResult']]:
+    """Return the replay, and those of all schemes where the best one is asked for."""
+    from piezo_ros.experiment.replay import replay
+
+    def under(scheme: str | None) -> 'ReplayResult':
+        return replay(
+            run, scheme=scheme, controller=_controller(options),
             compensator=_replaced(options.compensator, 'compensator', CompensatorParameters),
             plant=_replaced(options.plant, 'plant', RigParameters),
             hysteresis=_model(options.compensator, 'compensator', HysteresisParameters),
             dynamics=_model(options.trajectory, 'trajectory', DynamicsParameters))
-        print(_table(result))
-        print(_origins(result, options))
-    except (BagError, PlanError, ValueError) as error:
-        print(f'piezo: {error}', file=sys.stderr)
-        return 1
-    if result.same_samples and not result.is_faithful:
-        print(
-            'piezo: warning: the nodes of the bag do not give the recorded run again: '
-            f'{dict(result.same_samples)} samples are the same', file=sys.stderr)
-    for loss in run.lost:
-        print(f'piezo: {run.path}: {loss}', file=sys.stderr)
-    return 3 if run.lost else 0
+    if options.scheme != AUTO:
+        return under(options.scheme), {}
+    others = {scheme: under(scheme) for scheme in SCHEMES if scheme != 'open_loop'}
+    return min(others.values(), key=lambda each: _both(each).nrmse_percent()[1]), others
+
+
+def _controller(options: argparse.Namespace) -> dict[str, Any] | None:
+    """Return what is given of the controller, by a file and by options."""
+    values = _replaced(options.controller, 'controller', ControllerParameters) or {}
+    for option, name in (('kp', 'proportional_gain'), ('ki', 'integral_gain_per_s')):
+        gain = getattr(options, option)
+        if gain is not None:
+            try:
+                ControllerParameters.from_mapping({name: gain})
+            except ParameterError as error:
+                raise PlanError(f'--{option}: {error}') from None
+            values[name] = gain
+    return values or None
+
+
+def _both(result: 'ReplayResult') -> 'ReplayedRun':
+    """Return the samples that both runs have; errors are told of their second half."""
+    from piezo_ros.report.analysis.replayed_run import ReplayedRun
+    run, streams = result.recorded, result.streams
+    # Streams of a bag may begin later than its reference, with which the replay begins.
+    start = run.start_index
+    stop = min(start + run.samples, streams.reference_um.size)
+    replayed, recorded = slice(start, stop), slice(0, stop - start)
+    return ReplayedRun(
+        run.sample_period_s * np.arange(start, stop), streams.reference_um[replayed],
+        (run.displacement_um[recorded], streams.displacement_um[replayed]),
+        (run.voltage_v[recorded], streams.voltage_v[replayed]),
+        slice((stop - start) // 2, stop - start))
 
 
 def _table(result: 'ReplayResult') -> str:
     """Return both runs' errors over the second half, where the transients of the start are over."""
-    run, streams = result.recorded, result.streams
-    # Streams of a bag may begin later than its reference, with which the replay begins.
-    stop = min(run.start_index + run.samples, streams.reference_um.size)
-    half = slice(run.start_index + (stop - run.start_index) // 2, stop)
-    recorded = slice(half.start - run.start_index, half.stop - run.start_index)
-    reference_um = streams.reference_um[half]
+    both = _both(result)
     replaced = ', '.join(result.overridden) or 'nothing'
+    start = result.recorded.start_index
+    first, last = start + both.scored.start, start + both.scored.stop - 1
     lines = [
-        f'replaced: {replaced}; samples {half.start} … {half.stop - 1}',
+        f'replaced: {replaced}; samples {first} … {last}',
         f'{"":10}{"NRMSE %":>10}{"max error um":>14}{"max |u| V":>12}']
-    for name, displacement_um, voltage_v in (
-            ('recorded', run.displacement_um[recorded], run.voltage_v[recorded]),
-            ('replayed', streams.displacement_um[half], streams.voltage_v[half])):
-        lines.append(
-            f'{name:10}{_PERCENT * nrmse(reference_um, displacement_um):10.3f}'
-            f'{abs(reference_um - displacement_um).max():14.4f}{abs(voltage_v).max():12.4f}')
+    for name, percent, error_um, voltage_v in zip(
+            ('recorded', 'replayed'), both.nrmse_percent(), both.max_error_um(),
+            both.max_voltage_v(), strict=True):
+        lines.append(f'{name:10}{percent:10.3f}{error_um:14.4f}{voltage_v:12.4f}')
     return '\n'.join(lines)
+
+
+def _chosen(result: 'ReplayResult', others: dict[str, 'ReplayResult']) -> str:
+    """Return the errors of all schemes, and which one was taken."""
+    errors = ', '.join(
+        f'{scheme} {_both(each).nrmse_percent()[1]:.3f} %' for scheme, each in others.items())
+    return f'scheme auto: {result.controller.scheme} errs least of {errors}'
+
+
+def _warning(result: 'ReplayResult') -> str:
+    """Return why the replay is not to be trusted as it is, '' where it gives the recorded run."""
+    if not result.same_samples or result.is_faithful:
+        return ''
+    return (
+        'the nodes of the bag do not give the recorded run again: '
+        f'{dict(result.same_samples)} samples are the same')
+
+
+def _report(result: 'ReplayResult', options: argparse.Namespace) -> Path:
+    from piezo_ros.parameters.provenance import software_versions
+    from piezo_ros.report.analysis.replay_page import write_replay_page
+    replaced = ', '.join(result.overridden) or 'nothing'
+    law = result.controller
+    faith = _warning(result) or (
+        'The nodes of the bag give the recorded samples again, bit for bit: the rig of the replay '
+        'is that of the recording.' if result.same_samples
+        else 'The bag does not tell all of its nodes: how near the rig of the replay is to the '
+        'recorded one is not known.')
+    replayed = (
+        f'Replayed: {law.scheme}, kP {law.proportional_gain:g}, kI '
+        f'{law.integral_gain_per_s:g} 1/s; {_origins(result, options)}.')
+    return write_replay_page(
+        options.output, title=f'Replay of {options.bag.name}', run=_both(result),
+        remarks=[f'Replaced: {replaced}.', replayed, f'{faith[0].upper()}{faith[1:]}'],
+        software=software_versions(), command=' '.join(['piezo', *sys.argv[1:]]))
 
 
 def _replaced(
