@@ -141,7 +141,7 @@ class ParameterSet:
     def __post_init__(self) -> None:
         values = vars(self)
         for field, name, kind, low, high, choices in _fields(type(self)):
-            value = values[name]
+            value: Any = values[name]
             # Nearly all values are at once seen to be right; the others are looked at closely.
             if type(value) is kind:
                 if kind is float or kind is int:
@@ -213,7 +213,7 @@ def as_yaml(value: Any) -> Any:
 
 @cache
 def _fields(
-    parameter_set: type[ParameterSet],
+    parameter_set: Any,  # type[ParameterSet], which mypy takes for not hashable
 ) -> tuple[tuple['dataclasses.Field[Any]', str, type, float, float, tuple[str, ...]], ...]:
     """Return field, name, type, range (finite) and choices of each parameter of a set."""
     largest = sys.float_info.max
@@ -227,7 +227,7 @@ def _fields(
 
 
 @cache
-def _names(parameter_set: type[ParameterSet]) -> tuple[str, ...]:
+def _names(parameter_set: Any) -> tuple[str, ...]:
     return tuple(field.name for field in dataclasses.fields(parameter_set))
 
 

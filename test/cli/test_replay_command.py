@@ -212,3 +212,34 @@ def test_a_bag_that_is_none_fails_in_words(tmp_path, replay):
     code, _, err = replay(tmp_path / 'nothing')
     assert code == 1
     assert err == f'piezo: there is no bag {tmp_path / "nothing"}\n'
+
+
+def test_gains_may_be_given_as_options(bag, tmp_path, replay):
+    other = parameter_file(
+        tmp_path / 'other.yaml', 'controller', proportional_gain=0.6, integral_gain_per_s=100.0)
+    by_file, by_option = (
+        table(replay(bag, *words)[1])['replayed']
+        for words in (['--controller', other], ['--kp', 0.6, '--ki', 100.0]))
+    assert by_file == by_option
+    code, _, err = replay(bag, '--ki', -5)
+    assert code != 0
+    assert '--ki: integral_gain_per_s is -5.0' in err
+
+
+def test_scheme_auto_takes_the_one_that_errs_least(bag, replay):
+    errors = {
+        scheme: table(replay(bag, '--scheme', scheme)[1])['replayed'][0]
+        for scheme in ('fb', 'ff', 'fbff')}
+    code, out, _ = replay(bag, '--scheme', 'auto')
+    assert code == 0
+    best = min(errors, key=lambda scheme: errors[scheme])
+    assert f'scheme auto: {best} errs least' in out
+    assert table(out)['replayed'][0] == errors[best]
+
+
+def test_an_output_directory_that_is_something_else_is_left_alone(bag, tmp_path, replay):
+    (tmp_path / 'mine').mkdir()
+    (tmp_path / 'mine' / 'file').touch()
+    code, _, err = replay(bag, '-o', tmp_path / 'mine')
+    assert code == 2
+    assert '--force replaces it' in err

@@ -108,4 +108,5 @@ def loop_response(loop: PiLoop, reference_um: ArrayLike, step_s: float) -> LoopR
     reference = np.asarray(reference_um, dtype=np.float64)
     impulse = impulse_response(loop.error_system(step_s), reference.size)
     error = oaconvolve(impulse, reference)[:reference.size]
-    return LoopResponse(step_s * np.arange(reference.size), reference, reference - error)
+    time_s = np.asarray(step_s * np.arange(reference.size), dtype=np.float64)
+    return LoopResponse(time_s, reference, reference - error)

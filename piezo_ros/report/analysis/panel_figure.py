@@ -124,9 +124,8 @@ def _draw(axes: Axes, panel: Panel) -> None:
 def _draw_trace(axes: Axes, trace: Trace) -> None:
     x, y = (np.asarray(values, dtype=np.float64) for values in (trace.x, trace.y))
     if trace.band is not None:
-        axes.fill_between(
-            x, *(np.asarray(limit, dtype=np.float64) for limit in trace.band), color=trace.colour,
-            alpha=0.25, linewidth=0)
+        low, high = (np.asarray(limit, dtype=np.float64) for limit in trace.band)
+        axes.fill_between(x, low, high, color=trace.colour, alpha=0.25, linewidth=0)
     axes.plot(
         x, y, color=trace.colour, linestyle=trace.style,
         linewidth=0.85 * trace.width_px, marker='o' if trace.marker else '', markersize=3.4,

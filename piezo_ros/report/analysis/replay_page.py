@@ -16,7 +16,7 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -30,8 +30,8 @@ from piezo_ros.report.page.writer import write_page
 __all__ = ['write_replay_page']
 
 _TIME: Final = 'time (ms)'
-_RECORDED: Final = {'colour': INK, 'style': 'solid', 'width_px': 2.2}
-_REPLAYED: Final = {'colour': SERIES[3], 'style': 'dashed', 'width_px': 1.6}
+_RECORDED: Final[dict[str, Any]] = {'colour': INK, 'style': 'solid', 'width_px': 2.2}
+_REPLAYED: Final[dict[str, Any]] = {'colour': SERIES[3], 'style': 'dashed', 'width_px': 1.6}
 
 
 def write_replay_page(

@@ -18,7 +18,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -175,6 +175,10 @@ def _table(tuned: TunedLoop) -> Table:
         'A dash: there is none, or the loop is not stable.')
 
 
+def _look(number: int) -> dict[str, Any]:
+    return {'colour': _COLOURS[number], 'style': LINE_STYLES[number], 'width_px': 1.9}
+
+
 def _open_loop_points(tuned: TunedLoop) -> NDArray[np.complex128]:
     loop, evidence = tuned.tuning.after.loop, tuned.evidence
     return np.asarray(
@@ -186,7 +190,7 @@ def _bode(tuned: TunedLoop) -> Picture:
     magnitudes, phases = [], []
     for number, (name, shape) in enumerate(tuned.shapes.items()):
         response = shape.loop.loop(shape.frequency_hz)
-        look = {'colour': _COLOURS[number], 'style': LINE_STYLES[number], 'width_px': 1.9}
+        look = _look(number)
         magnitudes.append(Trace(name, shape.frequency_hz, _decibels(response), **look))
         phases.append(Trace(
             name, shape.frequency_hz, np.degrees(np.unwrap(np.angle(response))), **look))
@@ -243,7 +247,7 @@ def _magnitude(bound: Bound | None) -> Callable[[_Floats], _Floats] | None:
 def _sensitivity(tuned: TunedLoop) -> Picture:
     sensitivities, complements = [], []
     for number, (name, shape) in enumerate(tuned.shapes.items()):
-        look = {'colour': _COLOURS[number], 'style': LINE_STYLES[number], 'width_px': 1.9}
+        look = _look(number)
         frequency_hz = shape.frequency_hz
         sensitivities.append(Trace(
             name, frequency_hz, _decibels(shape.loop.sensitivity(frequency_hz)), **look))
@@ -309,7 +313,7 @@ def _response_panels(
         time_ms = 1e3 * response.time_s
         if not number:
             traces.append(Trace('reference', time_ms, reference_um, SERIES[3], 'dotted'))
-        look = {'colour': _COLOURS[number], 'style': LINE_STYLES[number], 'width_px': 1.8}
+        look = _look(number)
         traces.append(Trace(name, time_ms, response.displacement_um, **look))
         errors.append(Trace(
             name, time_ms, 1e3 * (reference_um - response.displacement_um), **look))

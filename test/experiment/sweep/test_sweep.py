@@ -28,11 +28,13 @@ import numpy as np
 import pytest
 
 from piezo_ros.bag import read
+from piezo_ros.experiment.offline import simulate_run
 from piezo_ros.experiment.plan import read_plan
 from piezo_ros.experiment.sweep.drawn_runs import DrawnRuns
 from piezo_ros.experiment.sweep.engines import dask_engine, local_engine
 from piezo_ros.experiment.sweep.run_sweep import open_sweep, run_sweep
 from piezo_ros.experiment.sweep.sweep_plan import read_sweep
+from piezo_ros.experiment.sweep.sweep_report import write_sweep_report
 from piezo_ros.experiment.sweep.table import summary_table
 from piezo_ros.experiment.sweep.work import SweepWork, do_runs, run_directory
 from piezo_ros.parameters.errors import CampaignError, PlanError
@@ -328,6 +330,14 @@ def test_scores_alone_go_on_behind_a_torn_line(prepare, tmp_path):
     assert run_sweep(work, in_process, workers=1).resumed == 4
 
 
+def outcome(make):
+    """Return what a function returns, and the words of its refusal."""
+    try:
+        return make(), ''
+    except PlanError as error:
+        return None, str(error)
+
+
 @pytest.mark.parametrize('drawn', [
     'plant.slew_limit_v_per_s: {uniform: [50.0, 5000.0]}',
     'controller.integral_gain_per_s: {times: {uniform: [0.5, 2.0]}}',
@@ -343,15 +353,26 @@ def test_a_drawn_run_is_that_of_the_plan(write, drawn):
             'plant.seed: {integers: [1, 1000]}', drawn), draws=4)))
     runs = DrawnRuns(plan)
     for number in range(plan.runs):
-        try:
-            expected = plan.run(number)
-        except PlanError as error:
-            with pytest.raises(PlanError) as refusal:
-                runs.run(number, plan.drawn(number))
-            assert str(refusal.value) == str(error)
+        expected, refusal = outcome(lambda number=number: plan.run(number))
+        drawn, other = outcome(lambda number=number: runs.run(number, plan.drawn(number)))
+        assert other == refusal
+        if refusal:
             continue
-        name, planned = runs.run(number, plan.drawn(number))
+        name, planned = drawn
         assert name == expected.name
         assert planned.parameters == expected.parameters
         for node in ('plant', 'compensator', 'controller', 'trajectory'):
             assert getattr(planned, node) == getattr(expected, node)
+
+
+@pytest.mark.slow
+def test_the_plan_of_a_worst_draw_gives_its_score_again(prepare, tmp_path):
+    work = prepare(draws=3)
+    sweep = run_sweep(dataclasses.replace(work, scores_only=True), in_process, workers=1)
+    report = write_sweep_report(tmp_path / 'out', work.plan, sweep)
+    worst = max(sweep.results, key=lambda result: result['nrmse_percent'])
+    (run,) = read_plan(tmp_path / 'out' / 'worst' / f'{worst["number"]:06d}.yaml').runs
+    simulate_run(run, tmp_path / 'bag')
+    assert score(read(tmp_path / 'bag'), bag='', wall_seconds=0.0).nrmse_percent == (
+        worst['nrmse_percent'])
+    assert f'worst/{worst["number"]:06d}.yaml' in report.read_text()
