@@ -149,8 +149,9 @@ def _both(result: 'ReplayResult') -> 'ReplayedRun':
     start = run.start_index
     stop = min(start + run.samples, streams.reference_um.size)
     replayed, recorded = slice(start, stop), slice(0, stop - start)
+    time_s = np.asarray(run.sample_period_s * np.arange(start, stop), dtype=np.float64)
     return ReplayedRun(
-        run.sample_period_s * np.arange(start, stop), streams.reference_um[replayed],
+        time_s, streams.reference_um[replayed],
         (run.displacement_um[recorded], streams.displacement_um[replayed]),
         (run.voltage_v[recorded], streams.voltage_v[replayed]),
         slice((stop - start) // 2, stop - start))

@@ -23,7 +23,7 @@ __all__ = ['add_arguments']
 
 _EXAMPLES: Final = """\
 examples:
-  piezo identify hysteresis bags/bare_triangle -o compensator.yaml --compare
+  piezo identify hysteresis bags/bare_triangle -o compensator.yaml --compare --report out/loops
   piezo identify creep bags/long_step -o creep.yaml
   piezo identify dynamics bags/stepped_sine -o trajectory.yaml
   piezo identify dynamics bags/bare_sine --compensator compensator.yaml -o trajectory.yaml

@@ -32,6 +32,7 @@ from piezo_ros.cli.shared.exit_codes import (
     EXIT_POOR,
     EXIT_USAGE,
 )
+from piezo_ros.experiment.output_directory import prepare_directory
 from piezo_ros.identification.verdict import Verdict
 from piezo_ros.model import ParameterError
 from piezo_ros.parameters.errors import PlanError, failure_text
@@ -75,19 +76,28 @@ class Identified(NamedTuple):
         The text of each file to write.
     verdict : Verdict or None
         How far the model may be trusted; None where the kind has no model of its own.
+    report : callable or None
+        Writes the page of the model into a directory and returns the file; None without a page.
 
     """
 
     files: Mapping[Path, str]
     verdict: Verdict | None = None
+    report: Callable[[Path], Path] | None = None
 
 
-def add_common_arguments(kind: argparse.ArgumentParser, *, bags: str | int = '+') -> None:
+def add_common_arguments(
+    kind: argparse.ArgumentParser, *, bags: str | int = '+', report: bool = False,
+) -> None:
     """Describe the bags, how many there may be, the output and the part that is taken."""
     kind.add_argument('bags', type=Path, nargs=bags, metavar='BAG')
     kind.add_argument(
         '-o', '--output', type=Path, required=True, metavar='FILE', help='model file to write')
     kind.add_argument('--force', action='store_true', help='replace the file')
+    if report:
+        kind.add_argument(
+            '--report', type=Path, metavar='DIR',
+            help='draw fit, residuals and their whiteness: a page in this directory')
     add_bag_options(kind)
     kind.add_argument(
         '--from-s', type=float, default=0.0, metavar='T',
@@ -133,18 +143,28 @@ def identify(
         if path.exists() and not options.force:
             print(f'piezo: {path} exists; --force replaces it', file=sys.stderr)
             return EXIT_USAGE
+    directory = getattr(options, 'report', None)
+    if directory is not None:
+        try:
+            prepare_directory(directory, force=options.force)
+        except PlanError as error:
+            print(f'piezo: {error}', file=sys.stderr)
+            return EXIT_USAGE
     try:
         runs = [
             _with_losses(read(*_opened(path, options, hysteresis)), options.allow_loss)
             for path in options.bags]
         _refuse_different_periods(runs)
-        files, verdict = make(options, runs)
+        files, verdict, write_report = make(options, runs)
         for path, text in files.items():
             write_atomically(path, text)
+        report = write_report(directory) if directory is not None and write_report else None
     except (BagError, PlanError, ParameterError, ValueError, OSError) as error:
         print(f'piezo: {failure_text(error)}', file=sys.stderr)
         return EXIT_FAILED
     print(f'model: {", ".join(map(str, files))}')
+    if report is not None:
+        print(f'report: {report}')
     lost = [f'{run.path}: {loss}' for run in runs for loss in run.lost]
     for loss in lost:
         print(f'piezo: {loss}', file=sys.stderr)

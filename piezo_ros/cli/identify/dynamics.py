@@ -16,7 +16,9 @@
 
 import argparse
 import math
+import sys
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -39,6 +41,7 @@ from piezo_ros.cli.identify.responses import (
 )
 from piezo_ros.experiment.model_file import read_accuracy
 from piezo_ros.identification.dynamics.dynamics_fit import STRUCTURES, DynamicsFit
+from piezo_ros.parameters.provenance import software_versions
 
 __all__ = ['add_kind']
 
@@ -65,7 +68,7 @@ def add_kind(kinds: Any) -> None:
         '--delay-samples', type=float, default=0.0, metavar='D', help='known delay (default: 0)')
     kind.add_argument(
         '--fit-delay', action='store_true', help='fit a delay too, with --orders')
-    add_common_arguments(kind, bags='*')
+    add_common_arguments(kind, bags='*', report=True)
     add_response_arguments(kind)
     add_table_arguments(kind)
     add_place_arguments(kind)
@@ -104,8 +107,17 @@ def _make(options: argparse.Namespace, runs: list[Run]) -> Identified:
         options.output: placed_parameter_yaml(text, place) if place
         else undecided_parameter_yaml(text),
         table: response_csv(response)}
+
+    def write_report(directory: Path) -> Path:
+        from piezo_ros.report.analysis.identification_page import write_dynamics_page
+        return write_dynamics_page(
+            directory, title=f'Dynamics: {options.output.name}', response=response, fit=fit,
+            verdict=verdict, software=software_versions(),
+            command=' '.join(['piezo', *sys.argv[1:]]))
+
     return Identified(
-        with_picture(files, options, 'fitted_response_figure', response, fit), verdict)
+        with_picture(files, options, 'fitted_response_figure', response, fit), verdict,
+        write_report)
 
 
 def _hysteresis_remarks(options: argparse.Namespace, runs: list[Run]) -> list[str]:

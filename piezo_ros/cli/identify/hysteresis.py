@@ -18,7 +18,7 @@ import argparse
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +34,10 @@ from piezo_ros.cli.identify.common import (
 )
 from piezo_ros.identification.hysteresis.hysteresis_result import HysteresisFit
 from piezo_ros.identification.hysteresis.records import Record, record_of_blocks
+from piezo_ros.parameters.provenance import software_versions
+
+if TYPE_CHECKING:
+    from piezo_ros.identification.hysteresis.model_comparison import ModelScore
 
 __all__ = ['ReducedRun', 'add_kind', 'reduced_run']
 
@@ -83,7 +87,7 @@ def add_kind(kinds: Any) -> None:
         'samples tell little more')
     kind.add_argument(
         '--compare', action='store_true', help='also fit other models to the same bags')
-    add_common_arguments(kind)
+    add_common_arguments(kind, report=True)
     add_verdict_arguments(kind)
     kind.set_defaults(function=lambda options: identify(
         _make, options, hysteresis=True,
@@ -163,11 +167,23 @@ def _make(options: argparse.Namespace, runs: list[ReducedRun]) -> Identified:
         records, elements=elements,
         range_v=tuple(options.range_v) if options.range_v else None)
     _print(fit)
-    if options.compare:
-        _print_comparison(records, fit.elements)
+    compared = _compared(records, fit.elements) if options.compare else []
     files = {options.output: fit.to_parameter_yaml(
         source=source(runs), sample_period_s=runs[0].sample_period_s)}
-    return Identified(with_picture(files, options, 'residual_figure', fit), fit.verdict)
+
+    def write_report(directory: Path) -> Path:
+        from piezo_ros.report.analysis.identification_page import write_hysteresis_page
+        from piezo_ros.report.figures.loop_deviation import ModelResidual
+        return write_hysteresis_page(
+            directory, title=f'Hysteresis: {options.output.name}', fit=fit,
+            sample_period_s=runs[0].sample_period_s * options.every,
+            compared=[ModelResidual(
+                row.name, row.parameters_count, 1e3 * row.rms_um, 1e3 * row.cross_validated_rms_um)
+                for row in compared],
+            software=software_versions(), command=' '.join(['piezo', *sys.argv[1:]]))
+
+    return Identified(
+        with_picture(files, options, 'residual_figure', fit), fit.verdict, write_report)
 
 
 def _print(fit: HysteresisFit) -> None:
@@ -184,10 +200,13 @@ def _print(fit: HysteresisFit) -> None:
         print(f'piezo: warning: {fit.coverage.warning}', file=sys.stderr)
 
 
-def _print_comparison(records: list[Record], elements: int) -> None:
+def _compared(records: list[Record], elements: int) -> list['ModelScore']:
+    """Fit other models, print how they do and return them."""
     from piezo_ros.identification.hysteresis.model_comparison import compare_records
+    rows = compare_records(records, elements=elements)
     print(f'{"model":28}{"parameters":>11}{"rms nm":>10}{"cross-validated nm":>20}')
-    for row in compare_records(records, elements=elements):
+    for row in rows:
         print(
             f'{row.name:28}{row.parameters_count:>11}{row.rms_um * 1e3:>10.2f}'
             f'{row.cross_validated_rms_um * 1e3:>20.2f}')
+    return rows
