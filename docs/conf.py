@@ -19,6 +19,7 @@ rosdoc2 runs this file within a conf.py of its own, on a copy of docs/, and with
 are installed there.
 """
 
+import os
 import sys
 from importlib.util import find_spec
 from pathlib import Path
@@ -84,6 +85,8 @@ myst_enable_extensions = ['colon_fence', 'deflist', 'dollarmath']
 nb_execution_mode = 'cache'
 nb_execution_raise_on_error = True
 nb_execution_timeout = 300
+# A kernel that does not warn of its own transport, which is that of this machine.
+os.environ['JUPYTER_PATH'] = str(HERE / '_ext' / 'jupyter')
 
 sphinx_gallery_conf = {
     'examples_dirs': 'gallery',
