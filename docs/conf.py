@@ -53,7 +53,10 @@ extensions = [
 rosdoc2_settings = {'allow_other_extensions': True, 'override_theme': False}
 
 root_doc = 'index'
-exclude_patterns = ['_build', 'gallery', '**/.ipynb_checkpoints']
+exclude_patterns = [
+    '_build', 'gallery', 'sg_execution_times.rst', '**/.ipynb_checkpoints',
+    # Beside the pages of the gallery, for download.
+    'generated/gallery/*.ipynb']
 templates_path = ['_templates']
 
 # API pages: one for each module, one for each name that a package offers.
@@ -84,7 +87,7 @@ myst_enable_extensions = ['colon_fence', 'deflist', 'dollarmath']
 # Notebooks are run as the site is built, and an error in one ends the build.
 nb_execution_mode = 'cache'
 nb_execution_raise_on_error = True
-nb_execution_timeout = 300
+nb_execution_timeout = 900
 # A kernel that does not warn of its own transport, which is that of this machine.
 os.environ['JUPYTER_PATH'] = str(HERE / '_ext' / 'jupyter')
 
