@@ -140,7 +140,8 @@ class ParameterSet:
 
     def __post_init__(self) -> None:
         values = vars(self)
-        for field, name, kind, low, high, choices in _fields(type(self)):
+        own: Any = type(self)  # a type checker takes it for not hashable
+        for field, name, kind, low, high, choices in _fields(own):
             value: Any = values[name]
             # Nearly all values are at once seen to be right; the others are looked at closely.
             if type(value) is kind:
@@ -160,7 +161,8 @@ class ParameterSet:
     @classmethod
     def names(cls) -> tuple[str, ...]:
         """Return the names of all parameters."""
-        return _names(cls)
+        own: Any = cls
+        return _names(own)
 
     @classmethod
     def among(cls: type[_Set], values: Mapping[str, Any]) -> _Set:
@@ -213,7 +215,7 @@ def as_yaml(value: Any) -> Any:
 
 @cache
 def _fields(
-    parameter_set: Any,  # type[ParameterSet], which mypy takes for not hashable
+    parameter_set: Any,
 ) -> tuple[tuple['dataclasses.Field[Any]', str, type, float, float, tuple[str, ...]], ...]:
     """Return field, name, type, range (finite) and choices of each parameter of a set."""
     largest = sys.float_info.max

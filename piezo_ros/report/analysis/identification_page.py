@@ -231,7 +231,7 @@ def write_hysteresis_page(
     finite = np.isfinite(fit.displacement_um) & np.isfinite(fit.residual_um)
     voltage_v, displacement_um, residual_um = (
         values[finite] for values in (fit.voltage_v, fit.displacement_um, fit.residual_um))
-    time_s = sample_period_s * np.flatnonzero(finite)
+    time_s = np.asarray(sample_period_s * np.flatnonzero(finite), dtype=np.float64)
     validation = fit.validation
     label = f'MRC, {fit.elements} elements'
     span_um = float(np.ptp(displacement_um))
