@@ -145,10 +145,11 @@ class ParameterSet:
             value: Any = values[name]
             # Nearly all values are at once seen to be right; the others are looked at closely.
             if type(value) is kind:
+                known: Any = value
                 if kind is float or kind is int:
-                    if low <= value <= high:
+                    if low <= known <= high:
                         continue
-                elif not value if kind is tuple else not choices or value in choices:
+                elif not known if kind is tuple else not choices or known in choices:
                     continue
             value = _converted(field, value)
             _check(name, value, constraint_of(field))
