@@ -332,3 +332,27 @@ def test_d5_a_hysteresis_that_misses_its_data_exits_4_and_says_so_in_the_file(
     assert len(facts['amplitude_levels_v']) == len(facts['amplitude_residual_percent']) >= 3
     assert facts['fit_percent'] < 99.0
     assert facts['residual_rms_um'] > 0.0
+
+
+@pytest.mark.slow
+def test_the_pages_of_models_show_what_is_left(triangle, stage, identify, tmp_path):
+    code, out, err = identify('hysteresis', triangle, '--compare', '--report', tmp_path / 'loops')
+    assert code in (0, 4), err
+    assert 'report: ' in out
+    page = (tmp_path / 'loops' / 'report.html').read_text()
+    assert 'Other models of the same loops' in page
+    (sine,) = (stage / 'identify' / 'bags').glob('001_*')
+    code, out, err = identify(
+        'dynamics', sine, '--compensator', stage / 'compensator.yaml', '--report',
+        tmp_path / 'response', '--force')
+    assert code in (0, 4), err
+    assert {path.stem for path in (tmp_path / 'response' / 'figures').glob('*.svg')} >= {
+        'response', 'residual', 'pole-zero'}
+
+
+def test_a_directory_that_is_something_else_is_left_alone(triangle, identify, tmp_path):
+    (tmp_path / 'mine').mkdir()
+    (tmp_path / 'mine' / 'file').touch()
+    code, _, err = identify('hysteresis', triangle, '--report', tmp_path / 'mine')
+    assert code == 2
+    assert '--force replaces it' in err

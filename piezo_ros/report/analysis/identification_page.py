@@ -239,7 +239,7 @@ def write_hysteresis_page(
         (f'{validation.fit_percent:.4g} %', 'fit of loops held out'),
         (f'{1e3 * fit.rms_um:.3g} nm', 'residual, rms'),
         (f'{100.0 * fit.rms_um / span_um:.2g} %', 'of the span of the displacement'),
-        (f'{validation.whiteness:.2f}', 'whiteness, 1 for white residuals'),
+        (f'{validation.whiteness:.2f}', 'noise over residual; 1 where noise alone is left'),
         (str(fit.elements), 'elements')])
     sections = [
         Section('loops', 'The hysteresis without its straight line', [

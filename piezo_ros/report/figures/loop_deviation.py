@@ -21,7 +21,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from piezo_ros.report.figures.panels import WIDTH_IN
+from piezo_ros.report.figures.panels import WIDTH_IN, percent_axis
 from piezo_ros.report.figures.style import FAINT, LINE_STYLES, SERIES, figure_style
 
 __all__ = ['ModelResidual', 'loop_deviation_figure', 'model_comparison_figure']
@@ -87,12 +87,12 @@ def loop_deviation_figure(
             label='measured')
         above.plot(
             voltage_v[shown], 1e3 * (displacement_um - residual_um - line_um)[shown],
-            color=SERIES[0], linewidth=1.0, linestyle='dashed', label=label)
+            color=SERIES[3], linewidth=1.1, linestyle='dashed', label=label)
         above.set_ylabel('deviation (nm)')
         above.tick_params(labelbottom=False)
         above.legend(loc='lower left', bbox_to_anchor=(0, 1), ncol=2, borderpad=0,
                      borderaxespad=0.4)
-        below.plot(voltage_v[shown], 1e3 * residual_um[shown], color=SERIES[3], linewidth=0.7)
+        below.plot(voltage_v[shown], 1e3 * residual_um[shown], color=SERIES[0], linewidth=0.7)
         below.set_xlabel('voltage (V)')
         below.set_ylabel('residual (nm)')
         figure.align_ylabels()
@@ -130,7 +130,7 @@ def model_comparison_figure(models: Sequence[ModelResidual]) -> Figure:
         axes.plot([model.held_out_rms_nm for model in models], places, linestyle='none',
                   marker='D', markersize=7, markerfacecolor='none', markeredgewidth=1.6,
                   color=SERIES[3], label='loops held out')
-        axes.set_xscale('log')
+        percent_axis(axes, 'x')
         axes.set_yticks(list(places), names)
         axes.invert_yaxis()
         axes.margins(y=0.2)
