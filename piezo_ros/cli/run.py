@@ -56,7 +56,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='composed, and the processes stay for all runs: for plans of many short ones')
     parser.add_argument(
         '--namespace', default='', metavar='NS',
-        help='namespace of the nodes (default: one of its own, so that several may run at once)')
+        help='namespace of the nodes, / for the root (default: one of its own, so that several may '
+        'run at once; bags have the root then)')
     parser.add_argument(
         '--yes', action='store_true',
         help='drive a real device without asking; needed where there is no terminal to ask on')
