@@ -15,7 +15,7 @@
 """A table of measured columns, whichever file it is in."""
 
 import difflib
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
@@ -75,6 +75,8 @@ class Table:
         What the file calls its first row of values: the number of its line in a text.
     row : str
         What a row is called: ``'line'`` of a text, else ``'sample'``.
+    lines : sequence of int
+        The number of the line of each row of a text, where lines without a row are in between.
 
     """
 
@@ -82,6 +84,7 @@ class Table:
     columns: tuple[Column, ...]
     first_row: int = 0
     row: str = 'sample'
+    lines: Sequence[int] = ()
     _by_name: Mapping[str, list[Column]] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -140,7 +143,7 @@ class Table:
 
     def place(self, index: int) -> str:
         """Return what to call one of the rows, counted from 0."""
-        return f'{self.row} {self.first_row + index}'
+        return f'{self.row} {self.lines[index] if self.lines else self.first_row + index}'
 
 
 def _listed(names: Iterable[str]) -> str:

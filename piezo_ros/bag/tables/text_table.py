@@ -16,7 +16,8 @@
 Tables in text: CSV of any instrument, by comma, semicolon, tab or blanks, decimal comma or point.
 
 Where the numbers begin is found from the end of the first lines: upwards, as long as the lines have
-as many fields, and numbers where the last of them has. What stands above are names and units.
+as many fields, and numbers where the last of them has. What stands above are names and units. A
+line with numbers in some of these fields is a row with a fault, which is refused.
 """
 
 import csv
@@ -72,16 +73,19 @@ def read_text_table(path: Path) -> Table:
     lines = _text(path).splitlines()
     form = _form(path, lines)
     names, units = _header(lines, form)
+    numbers = [
+        number for number, line in enumerate(lines[form.start:], start=form.start + 1)
+        if line.strip() and not line.lstrip().startswith(_COMMENTS)]
     cells: dict[int, NDArray[np.float64]] = {}
 
     def read(column: int) -> NDArray[Any]:
         if not cells:
-            cells.update(_values(path, lines, form))
+            cells.update(_values(path, lines, numbers, form))
         return cells[column]
 
     return Table(path, tuple(
         Column(names[column], lambda column=column: read(column), units[column])  # type: ignore[misc]
-        for column in form.numeric), form.start + 1, 'line')
+        for column in form.numeric), form.start + 1, 'line', numbers)
 
 
 def _text(path: Path) -> str:
@@ -126,12 +130,22 @@ def _form(path: Path, lines: Sequence[str]) -> _Form:
     if not forms:
         raise TableError(
             f'{path} has no table: no lines with numbers by comma, semicolon, tab or blanks')
-    return max(forms, key=lambda form: len(form.numeric))
+    form = max(forms, key=lambda each: len(each.numeric))
+    for number, line in enumerate(probe[:form.start], start=1):
+        cells = _split(line, form.delimiter)
+        if len(cells) == form.fields and all(
+                _number(cells[column], form.decimal_comma) is not None
+                for column in form.numeric) and _numbers(cells, form.decimal_comma):
+            raise TableError(
+                f'{path}: line {number} is a row of the table as well, and what stands between it '
+                f'and line {form.start + 1} is none; import one table at a time')
+    return form
 
 
 def _form_by(probe: Sequence[str], delimiter: str | None, decimal_comma: bool) -> _Form | None:
     rows: list[list[str]] = [
-        [] if line.lstrip().startswith(_COMMENTS) else _split(line, delimiter) for line in probe]
+        [] if not line.strip() or line.lstrip().startswith(_COMMENTS)
+        else _split(line, delimiter) for line in probe]
     last = max((i for i, row in enumerate(rows) if row), default=-1)
     while last >= 0 and not _numbers(rows[last], decimal_comma):
         last -= 1
@@ -146,10 +160,8 @@ def _form_by(probe: Sequence[str], delimiter: str | None, decimal_comma: bool) -
             continue
         above = [
             column for column in numeric if column < len(rows[i])
-            and _number(rows[i][column], decimal_comma) is not None]
-        if len(rows[i]) != fields or not any(rows[i][column].strip() for column in above):
-            break
-        if len(above) < len(numeric):
+            and rows[i][column].strip() and _number(rows[i][column], decimal_comma) is not None]
+        if len(rows[i]) != fields or not above:
             break
         start = i
     return _Form(delimiter, decimal_comma, start, fields, tuple(numeric))
@@ -212,9 +224,11 @@ def _are_units(cells: Sequence[str]) -> bool:
     return bool(found) and all(found) and any(each and each[1] in known for each in found)
 
 
-def _values(path: Path, lines: Sequence[str], form: _Form) -> dict[int, NDArray[np.float64]]:
+def _values(
+    path: Path, lines: Sequence[str], numbers: Sequence[int], form: _Form,
+) -> dict[int, NDArray[np.float64]]:
     """Return the columns: by NumPy's reader where every cell is a number, else one by one."""
-    body = lines[form.start:]
+    body = [lines[number - 1] for number in numbers]
     if not form.decimal_comma:
         try:
             table = np.loadtxt(
@@ -225,17 +239,14 @@ def _values(path: Path, lines: Sequence[str], form: _Form) -> dict[int, NDArray[
         else:
             if table.shape[0] == len(body):
                 return {column: table[:, i] for i, column in enumerate(form.numeric)}
-    return _values_one_by_one(path, body, form)
+    return _values_one_by_one(path, body, numbers, form)
 
 
 def _values_one_by_one(
-    path: Path, body: Sequence[str], form: _Form,
+    path: Path, body: Sequence[str], numbers: Sequence[int], form: _Form,
 ) -> dict[int, NDArray[np.float64]]:
     columns: dict[int, list[float]] = {column: [] for column in form.numeric}
-    end = len(body)
-    while end and not body[end - 1].strip():
-        end -= 1
-    for number, line in enumerate(body[:end], start=form.start + 1):
+    for number, line in zip(numbers, body, strict=True):
         cells = _split(line, form.delimiter)
         for column, values in columns.items():
             cell = cells[column] if column < len(cells) else ''

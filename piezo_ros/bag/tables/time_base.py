@@ -33,6 +33,7 @@ __all__ = ['TimeBase', 'time_base']
 
 _EVEN_SHARE: Final = 0.1  # of the period, by which a time may be off
 _ROUNDED_SHARE: Final = 0.5
+_MISSING: Final = 1.75  # periods between two rows, from which one in between is missing
 _LONGEST_GAP: Final = 3.0  # periods, over which is interpolated
 _CLOSE: Final = 1e-6  # relative difference of two periods that are the same
 _MOST_DIGITS: Final = 12
@@ -147,7 +148,7 @@ def _even_period(
     if float(off_s[worst]) > allowed * mean_s:
         widest = int(np.argmax(steps))
         median_s = float(np.median(steps))
-        if median_s > 0.0 and steps[widest] > 1.5 * median_s:
+        if median_s > 0.0 and steps[widest] > _MISSING * median_s:
             raise TableError(
                 f'{name}: rows are missing: from {place(widest)} to {place(widest + 1)} the time '
                 f'goes on by {steps[widest]:.6g} s, elsewhere by {median_s:.6g} s; import the '
