@@ -68,8 +68,8 @@ def _write_mat(recording: Recording, path: Path) -> None:
             f'{_LONGEST_MAT}; .h5 takes them, which MATLAB reads by h5read')
     columns = {name: values[:, np.newaxis] for name, values in _whole(recording).items()}
     with path.open('wb') as file:
-        savemat(  # type: ignore[call-overload, unused-ignore]
-            file, {**columns, 'sample_period_s': recording.sample_period_s})
+        arrays = {**columns, 'sample_period_s': recording.sample_period_s}
+        savemat(file, arrays)  # type: ignore[arg-type, unused-ignore]
 
 
 def _write_npz(recording: Recording, path: Path) -> None:
