@@ -173,7 +173,7 @@ def _make(options: argparse.Namespace, runs: list[ReducedRun]) -> Identified:
 
     def write_report(directory: Path) -> Path:
         from piezo_ros.report.analysis.identification_page import write_hysteresis_page
-        from piezo_ros.report.figures.loop_deviation import ModelResidual
+        from piezo_ros.report.analysis.loop_deviation import ModelResidual
         return write_hysteresis_page(
             directory, title=f'Hysteresis: {options.output.name}', fit=fit,
             sample_period_s=runs[0].sample_period_s * options.every,

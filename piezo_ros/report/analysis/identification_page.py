@@ -23,15 +23,15 @@ from numpy.typing import NDArray
 
 from piezo_ros.identification import DynamicsFit, FrequencyResponse, HysteresisFit
 from piezo_ros.identification.verdict import Verdict
-from piezo_ros.report.analysis.panel_figure import chart_picture
-from piezo_ros.report.analysis.residuals import autocorrelation
-from piezo_ros.report.figures.identification import fitted_response_figure
-from piezo_ros.report.figures.loop_deviation import (
+from piezo_ros.report.analysis.loop_deviation import (
     ModelResidual,
     loop_deviation_figure,
     model_comparison_figure,
 )
-from piezo_ros.report.figures.pole_zero import pole_zero_figure
+from piezo_ros.report.analysis.panel_figure import chart_picture
+from piezo_ros.report.analysis.pole_zero import pole_zero_figure
+from piezo_ros.report.analysis.residuals import autocorrelation
+from piezo_ros.report.figures.identification import fitted_response_figure
 from piezo_ros.report.figures.style import INK, SERIES
 from piezo_ros.report.page.chart import Line, Panel, Trace
 from piezo_ros.report.page.content import (

@@ -285,12 +285,12 @@ def _dependence_table(name: str, found: Sequence[Dependence]) -> Table:
 def _worst_section(worst: Sequence[WorstDraw], parameters: Sequence[str]) -> Section:
     columns = [
         Column('draw', '', 'd'), Column('run'), Column('NRMSE', '%', '.4g'),
-        Column('largest error', 'µm', '.4g'), *map(Column, parameters), Column('plan'),
-        Column('simulate it again')]
+        Column('largest error', 'µm', '.4g'), Column('plan'), Column('simulate it again'),
+        *map(Column, parameters)]
     rows = [
         [each.record['draw'], each.record['name'], each.record['nrmse_percent'],
-         each.record['max_error_um'], *(_drawn_text(each.record[name]) for name in parameters),
-         Cell(each.plan, link=each.plan), each.command] for each in worst]
+         each.record['max_error_um'], Cell(each.plan, link=each.plan), each.command,
+         *(_drawn_text(each.record[name]) for name in parameters)] for each in worst]
     return Section('worst', 'The worst draws', [Table(
         columns, rows, 'The draws of largest NRMSE. The command gives the same samples again, with '
         'bag and report.')])

@@ -29,9 +29,9 @@ from piezo_ros.identification.tuning.loop_evidence import LoopEvidence
 from piezo_ros.identification.tuning.loop_shape import LoopShape
 from piezo_ros.identification.tuning.pi_tuning import PiTuning
 from piezo_ros.identification.tuning.time_response import loop_response, settling_samples
+from piezo_ros.report.analysis.nyquist import NyquistCurve, nyquist_figure
 from piezo_ros.report.analysis.panel_figure import chart_picture
-from piezo_ros.report.figures.nyquist import NyquistCurve, nyquist_figure
-from piezo_ros.report.figures.scheme_map import scheme_map_figure
+from piezo_ros.report.analysis.scheme_map import scheme_map_figure
 from piezo_ros.report.figures.style import INK, LINE_STYLES, SERIES
 from piezo_ros.report.page.chart import Line, Panel, Trace
 from piezo_ros.report.page.content import (
@@ -328,7 +328,7 @@ def _map_sections(tuned: TunedLoop) -> list[Section]:
         return []
     points = tuned.points
     rows = [[
-        f'{point.amplitude_um:g} µm, {point.frequency_hz:g} Hz',
+        point.amplitude_um, point.frequency_hz,
         Cell(point.scheme, scheme=point.scheme), point.chosen.harmonics, point.nrmse_percent,
         str(point.interval), ', '.join(point.chosen.unknown) or '–',
         'yes' if point.chosen.is_limited else 'no',
@@ -339,7 +339,8 @@ def _map_sections(tuned: TunedLoop) -> list[Section]:
             '! the amplifier is at its limits, ? the scheme depends on which poles are before the '
             'hysteresis.', lambda: scheme_map_figure(points)),
         Table([
-            Column('scan'), Column('scheme'), Column('m', '', 'd'), Column('NRMSE', '%', '.3g'),
+            Column('amplitude', 'µm', 'g'), Column('frequency', 'Hz', 'g'), Column('scheme'),
+            Column('m', '', 'd'), Column('NRMSE', '%', '.3g'),
             Column('expected between', '%'), Column('not known'), Column('amplifier at its limits'),
             Column('depends on the place')], rows, 'Predicted operating points. Where a part of '
             'the error is not known, the upper end is open (?).')])]
