@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 from piezo_ros.bag import Recording, Run
 from piezo_ros.paper import HARMONICS, table_4
 from piezo_ros.report.metrics import nrmse, tail
+from piezo_ros.report.run_setup import RunSetup, RunStart, run_setup, run_start
 
 __all__ = ['ScoredRun', 'score']
 
@@ -64,6 +65,10 @@ class ScoredRun:
         The published NRMSE (Table 4 in Liu 2015); None where the paper has none.
     time_s, reference_um, displacement_um, voltage_v : ndarray, shape (n,)
         The scored window; the time is that of the run.
+    setup : RunSetup
+        Gains, amplifier and date, as far as they are known.
+    start : RunStart or None
+        The first periods of the run; None where the scored window begins before their end.
 
     """
 
@@ -82,6 +87,8 @@ class ScoredRun:
     reference_um: NDArray[np.float64] = field(repr=False, compare=False)
     displacement_um: NDArray[np.float64] = field(repr=False, compare=False)
     voltage_v: NDArray[np.float64] = field(repr=False, compare=False)
+    setup: RunSetup = field(default_factory=RunSetup, compare=False)
+    start: RunStart | None = field(default=None, repr=False, compare=False)
 
     @property
     def error_um(self) -> NDArray[np.float64]:
@@ -194,7 +201,9 @@ def score(
         time_s=scored.time_s,
         reference_um=reference_um,
         displacement_um=displacement_um,
-        voltage_v=np.asarray(scored.voltage_v, dtype=np.float64))
+        voltage_v=np.asarray(scored.voltage_v, dtype=np.float64),
+        setup=run_setup(run, scheme),
+        start=run_start(run, frequency_hz, before=window.start))
 
 
 def _entry(metadata: Mapping[str, str], key: str) -> str:

@@ -12,6 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -48,7 +49,8 @@ def synthetic_run(
             **{name: getattr(run, name)[start:stop] for name in arrays})
 
     run = SimpleNamespace(
-        samples=samples, sample_period_s=sample_period_s, metadata=values, part=part, **arrays)
+        samples=samples, sample_period_s=sample_period_s, metadata=values, parameters={},
+        path=Path('no-bag'), part=part, **arrays)
     return run
 
 
