@@ -35,6 +35,7 @@ SLEW_COLOUR: Final = SERIES[3]
 RAIL_COLOUR: Final = SERIES[2]
 # A rail that is farther away than this share of the range of the voltage is told in words alone.
 _NEAR_SHARE: Final = 0.35
+_MS_PER_S: Final = 1e3
 
 
 class LimitedVoltage(NamedTuple):
@@ -73,15 +74,16 @@ def limited_voltage(run: ScoredRun) -> LimitedVoltage:
 
 def voltage_title(run: ScoredRun, among: Sequence[ScoredRun]) -> str:
     """Return the heading of a run's voltage: its name, range, rails and slew limit."""
-    words = [f'{run_label(run, among)}: {run.voltage_v.min():.3g} … {run.voltage_v.max():.3g} V']
+    words = [f'{run.voltage_v.min():.3g} … {run.voltage_v.max():.3g} V']
     if run.setup.limits is None:
         words.append('limits of the amplifier not known')
     else:
         limits = run.setup.limits
         words.append(f'rails {limits.minimum_v:.4g} and {limits.maximum_v:.4g} V')
         if limits.slew_limit_v_per_s:
-            words.append(f'slew limit {limits.slew_limit_v_per_s:.4g} V/s')
-    return ', '.join(words)
+            words.append(f'slew limit {limits.slew_limit_v_per_s / _MS_PER_S:.4g} V/ms')
+    numbers = ', '.join(words).replace('-', '\N{MINUS SIGN}')
+    return f'{run_label(run, among)}: {numbers}'
 
 
 def voltage_figure(runs: Sequence[ScoredRun]) -> Figure:

@@ -18,8 +18,13 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
-from piezo_ros.report.figures.error_spectrum import NM_PER_UM, run_error_harmonics
+from piezo_ros.report.figures.error_spectrum import (
+    NM_PER_UM,
+    harmonic_places,
+    run_error_harmonics,
+)
 from piezo_ros.report.figures.style import INK, scheme_colour
 from piezo_ros.report.figures.tracking import error_limits_um, run_line_style
 from piezo_ros.report.figures.voltage import (
@@ -91,15 +96,16 @@ def voltage_panels(runs: Sequence[ScoredRun]) -> list[Panel]:
 def spectrum_panels(runs: Sequence[ScoredRun]) -> list[Panel]:
     """Return the amplitude of the errors at the harmonics of the reference."""
     traces = []
-    for run in runs:
+    for number, run in enumerate(runs):
         found = run_error_harmonics(run)
         traces.append(Trace(
-            run_label(run, runs), found.harmonics, NM_PER_UM * found.amplitude_um,
-            scheme_colour(run.scheme), run_line_style(run, runs), 'filled', width_px=1.0))
+            run_label(run, runs), harmonic_places(found, number, len(runs)),
+            NM_PER_UM * found.amplitude_um, scheme_colour(run.scheme), 'none',
+            'open' if number % 2 else 'filled'))
     return [Panel('harmonic of the reference', 'amplitude of the error (nm)', traces, log_y=True)]
 
 
-def _trace(run: ScoredRun, runs: Sequence[ScoredRun], values: np.ndarray) -> Trace:
+def _trace(run: ScoredRun, runs: Sequence[ScoredRun], values: NDArray[np.float64]) -> Trace:
     return Trace(
         run_label(run, runs), run.window_ms, values, scheme_colour(run.scheme),
         run_line_style(run, runs))

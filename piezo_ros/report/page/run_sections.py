@@ -202,8 +202,8 @@ def _harmonics_curve(
         [measured.get(m, math.nan) for m in predicted], run.harmonics)
 
 
-def _scan(run: ScoredRun) -> tuple[str, str, float, float]:
-    return run.scheme, run.waveform, run.amplitude_um, run.frequency_hz
+def _scan(run: ScoredRun) -> tuple[str, str, float, float, float]:
+    return run.scheme, run.waveform, run.amplitude_um, run.frequency_hz, run.offset_um
 
 
 def pictures_section(runs: Sequence[ScoredRun]) -> Section:
@@ -227,8 +227,7 @@ def pictures_section(runs: Sequence[ScoredRun]) -> Section:
 
 
 def _pictures(case: Case) -> list[Picture]:
-    name = f'{case.waveform}-{case.amplitude_um:g}um-{case.frequency_hz:g}Hz'
-    runs = case.runs
+    name, runs = case.name, case.runs
     pictures = [
         Picture(f'tracking-{name}', 'Desired and measured displacement, and below them the errors.',
                 partial(tracking_figure, runs), partial(tracking_panels, runs)),
@@ -261,18 +260,21 @@ def _spectrum_caption(runs: Sequence[ScoredRun]) -> str:
 def _setup_table(runs: Sequence[ScoredRun]) -> Table:
     """Return gains and dates of the runs; a column that no run knows is left out."""
     columns = [
-        Column('run'), Column('kP', '', '.4g'), Column('kI', '1/s', '.4g'),
-        Column('recorded (UTC)'), Column('changes during the run'), Column('bag')]
-    rows: list[list[Value | Cell]] = [
-        [Cell(f'{scheme_label(run.scheme)}, {case.title}', scheme=run.scheme),
-         run.setup.proportional_gain, run.setup.integral_gain_per_s, run.setup.recorded or None,
-         run.setup.changes or None, Cell(run.bag, link=run.bag)]
-        for case in cases(runs) for run in case.runs]
+        Column('scheme'), Column('kP', '', '.4g'), Column('kI', '1/s', '.4g'),
+        Column('recorded', 'UTC'), Column('changes during the run'), Column('bag')]
+    rows: list[list[Value | Cell] | Heading] = []
+    for case in cases(runs):
+        rows.append(Heading(case.title))
+        rows.extend([
+            Cell(scheme_label(run.scheme), scheme=run.scheme), run.setup.proportional_gain,
+            run.setup.integral_gain_per_s, run.setup.recorded or None, run.setup.changes or None,
+            Cell(run.bag, link=run.bag)] for run in case.runs)
     kept = [
         number for number in range(len(columns))
-        if number == 0 or any(row[number] is not None for row in rows)]
+        if any(row[number] is not None for row in rows if not isinstance(row, Heading))]
     return Table(
-        [columns[number] for number in kept], [[row[number] for number in kept] for row in rows],
+        [columns[number] for number in kept],
+        [row if isinstance(row, Heading) else [row[number] for number in kept] for row in rows],
         'Gains of the feedback and time of recording, as the bags tell them.', 'gains')
 
 
