@@ -26,6 +26,7 @@ __all__ = [
     'GRID',
     'INK',
     'LINE_STYLES',
+    'MARKERS',
     'MANY_POINTS',
     'SCHEME_COLOURS',
     'SCHEME_MARKERS',
@@ -54,6 +55,8 @@ SCHEME_MARKERS: Final = {'ff': 'o', 'fbff': 's', 'fb': '^', 'open_loop': 'D'}
 _OTHER_SCHEME: Final = '#7a6a00'
 # In order, for amplitudes and the like; contrast as above.
 SERIES: Final = ('#3567c0', '#8453bd', '#b53a86', '#c4402f', '#9a6200', '#6f6800')
+# One for each colour of SERIES, so that a curve is known without its colour.
+MARKERS: Final = ('o', 's', '^', 'D', 'v', 'P')
 LINE_STYLES: Final = ('solid', 'dashed', 'dotted', 'dashdot')
 # More points than this are rasterised: each would be an element of the page.
 MANY_POINTS: Final = 2500
