@@ -203,7 +203,8 @@ def _ours_against_published(panel: Axes, cells: Sequence[TableCell]) -> None:
     for scheme in _TABLE_4_SCHEMES:
         panel.plot([getattr(cell, f'paper_{scheme}') for cell in cells],
                    [getattr(cell, scheme) for cell in cells], linestyle='none',
-                   marker=_marker(scheme), markersize=3.2, color=scheme_colour(scheme), alpha=0.75, markeredgewidth=0)
+                   marker=_marker(scheme), markersize=3.2, color=scheme_colour(scheme),
+                   alpha=0.75, markeredgewidth=0)
     errors = np.array([cell[2:] for cell in cells])
     limits = 0.85 * float(errors.min()), 1.18 * float(errors.max())
     panel.plot(limits, limits, color=INK, linewidth=0.8)
