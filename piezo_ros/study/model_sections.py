@@ -118,7 +118,7 @@ def dynamics_section(results: PaperResults) -> Section:
         for name, symbol in _SYMBOLS.items()]
     return Section('table-2', 'Table 2, Fig. 6 and 7: the linear dynamics', [
         Picture('bare', 'Fig. 6: the bare actuator, with a gain that depends on the amplitude; '
-                'the smallest one up to 8 kHz, past both resonances.',
+                'the smallest one past the second resonance.',
                 lambda: response_figure(
                     [_curve(sweeps, 'V') for sweeps in results.bare_responses],
                     title='Bare actuator', unit='µm/V', decibels=True)),
@@ -128,7 +128,7 @@ def dynamics_section(results: PaperResults) -> Section:
             f'{CREEP["creep_start_s"]:g} s after a step. The amount is one that is common for such '
             'ceramics; the paper has no number.'),
         Picture('compensated', 'Fig. 7: the same behind the published inverse, with the fit; the '
-                'smallest amplitude up to 8 kHz.',
+                'smallest amplitude past the second resonance.',
                 lambda: response_figure(
                     [*(_curve((r,), 'µm') for r in (*grid, results.wide_response)),
                      ResponseCurve('fit of (6)', model_hz, published.sampled_response(model_hz),

@@ -215,7 +215,7 @@ def _scheme_grid(results: PaperResults, errors: Any) -> Markup:
     cells = {(cell.amplitude_um, cell.frequency_hz): cell for cell in _cells(results, errors)}
     frequencies_hz = sorted({frequency_hz for _, frequency_hz in cells})
     return render(
-        'scheme_grid', corner='amplitude',
+        'scheme_grid', label='Table 4', corner='amplitude',
         caption='NRMSE in percent, ours and in brackets the published; ✓ marks the better scheme, '
         'shaded is where it is another one than published.',
         columns=[f'{frequency_hz:g} Hz' for frequency_hz in frequencies_hz],
