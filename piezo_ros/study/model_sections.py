@@ -140,7 +140,7 @@ def dynamics_section(results: PaperResults) -> Section:
         Paragraph(
             f'The second resonance of the fit lies at {_resonance_hz(published):.0f} Hz, that of '
             f'Table 2 at {paper.TABLE_2["natural_frequency_2_rad_per_s"] / (2.0 * np.pi):.0f} Hz: '
-            f'measured is up to {results.wide_response.frequency_hz.max():.0f} Hz.'),
+            f'the measurement ends at {results.wide_response.frequency_hz.max():.0f} Hz.'),
         Paragraph(
             'Both models are sampled behind the zero-order hold, as the record is. Identified from '
             'sweeps of 0.1 to 0.4 µm, 20 Hz to 8 kHz, behind the published inverse and behind the '

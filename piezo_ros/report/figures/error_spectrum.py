@@ -62,7 +62,7 @@ def harmonic_places(
         Each harmonic with a small offset.
 
     """
-    return found.harmonics + _SPREAD * ((number + 0.5) / count - 0.5)
+    return np.asarray(found.harmonics + _SPREAD * ((number + 0.5) / count - 0.5))
 
 
 def error_spectrum_figure(runs: Sequence[ScoredRun]) -> Figure:
