@@ -151,10 +151,14 @@ class ParameterSet:
                         continue
                 elif not known if kind is tuple else not choices or known in choices:
                     continue
-            value = _converted(field, value)
-            _check(name, value, constraint_of(field))
-            object.__setattr__(self, name, value)
+            self._take(field, value)
         self.check_together()
+
+    def _take(self, field: 'dataclasses.Field[Any]', value: Any) -> None:
+        """Convert, check and keep the value of a field."""
+        value = _converted(field, value)
+        _check(field.name, value, constraint_of(field))
+        object.__setattr__(self, field.name, value)
 
     def check_together(self) -> None:
         """Refuse combinations of values that are each allowed alone (default: none)."""
@@ -187,22 +191,30 @@ class ParameterSet:
             For an unknown name, a wrong type or a value out of range.
 
         """
-        cls._refuse_unknown(values)
+        cls._check_names(values)
         return cls(**values)
 
-    def replaced(self: _Set, **values: Any) -> _Set:
-        """Return a copy with some values replaced, checked again."""
-        self._refuse_unknown(values)
-        own = vars(self)
-        return type(self)(**{**{name: own[name] for name in self.names()}, **values})
-
     @classmethod
-    def _refuse_unknown(cls, values: Mapping[str, Any]) -> None:
+    def _check_names(cls, values: Mapping[str, Any]) -> None:
         names = cls.names()
         for name in values:
             if name not in names:
                 raise ParameterError(
                     f'unknown parameter {name!r}; {cls.__name__} has {", ".join(names)}')
+
+    def replaced(self: _Set, **values: Any) -> _Set:
+        """Return a copy with some values replaced, these checked, and all of them together."""
+        self._check_names(values)
+        copy = object.__new__(type(self))
+        kind: Any = type(self)
+        for field, name, *_ in _fields(kind):
+            if name in values:
+                copy._take(field, values[name])
+            else:
+                # Checked already; a search replaces one value thousands of times.
+                object.__setattr__(copy, name, getattr(self, name))
+        copy.check_together()
+        return copy
 
     def to_mapping(self) -> dict[str, Any]:
         """Return names and values, lists for tuples, ready for YAML."""
