@@ -14,8 +14,11 @@
 
 """Draws the poles and zeros of a transfer function in the s plane."""
 
+import math
+
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import FixedLocator, NullLocator, StrMethodFormatter
 from numpy.typing import ArrayLike
 
 from piezo_ros.report.figures.style import FAINT, SERIES, figure_style
@@ -57,6 +60,12 @@ def pole_zero_figure(poles_rad_per_s: ArrayLike, zeros_rad_per_s: ArrayLike) -> 
                   markeredgewidth=1.8, color=SERIES[3], label='poles')
         axes.plot(zeros.real, zeros.imag, linestyle='none', marker='o', markersize=7.5,
                   markeredgewidth=1.6, markerfacecolor='none', color=SERIES[0], label='zeros')
+        exponents = range(math.ceil(math.log10(linear)), math.floor(math.log10(reach)) + 1)
+        ticks = [sign * 10.0 ** exponent for exponent in exponents for sign in (-1.0, 1.0)]
+        for axis in (axes.xaxis, axes.yaxis):
+            axis.set_major_locator(FixedLocator([0.0, *ticks]))
+            axis.set_major_formatter(StrMethodFormatter('{x:g}'))
+            axis.set_minor_locator(NullLocator())
         axes.set_xlim(-reach, reach)
         axes.set_ylim(-reach, reach)
         axes.set_xlabel('Re s / 2π (kHz)')
