@@ -110,7 +110,7 @@ setup(
     package_data={
         PACKAGE: ['py.typed'],
         f'{PACKAGE}.runtime.process': ['*.xml'],
-        f'{PACKAGE}.report.page': ['templates/*'],
+        f'{PACKAGE}.report.page': ['templates/*', 'static/*'],
         f'{PACKAGE}.study.beyond': ['best_known.csv'],
     },
     data_files=data_files,
@@ -142,6 +142,9 @@ setup(
         'ni': ['grpcio>=1.49', 'nidaqmx[grpc]>=1.0.2'],
         'gcs': ['pyserial>=3.5'],
         'test': [
+            # Both with the Chromium of the distribution: apt-get install chromium.
+            'axe-playwright-python>=0.1.4',
+            'playwright>=1.50',
             'catkin_pkg',
             'colcon-common-extensions',
             'distributed>=2024.1',

@@ -64,7 +64,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--motion', type=Path, metavar='FILE',
         help='any motion, from 0 on, in place of a periodic scan: CSV or NPZ with reference_um')
     parser.add_argument(
-        '--waveform', choices=('triangle', 'sine'), default='triangle', help='(default: triangle)')
+        '--waveform', choices=('triangle', 'sine', 'sawtooth'), default='triangle',
+        help='(default: triangle)')
+    parser.add_argument(
+        '--offset-um', type=float, default=0.0, metavar='O', help='mean of the scan (default: 0)')
+    parser.add_argument(
+        '--turn-fraction', type=float, default=0.0, metavar='SHARE',
+        help='share of each line of a triangle or sawtooth that is spent in parabolic turns '
+        '(default: 0)')
+    parser.add_argument(
+        '--flyback-fraction', type=float, default=0.1, metavar='SHARE',
+        help='share of the period in which a sawtooth goes back (default: 0.1)')
     parser.add_argument(
         '--free-turn', type=float, default=0.0, metavar='SHARE',
         help='share of each line about its ends in which the error hardly counts (default: 0)')
@@ -134,17 +144,21 @@ def _plan_scan(
     )
     from piezo_ros.identification.tuning.linear_plant import bound_magnitude
     from piezo_ros.planning.scan import plan_for_rig, with_bound
-    if not 0.0 < options.amplitude_um <= plant.reach_um:
+    most_um = plant.reach_um - abs(options.offset_um)
+    if not 0.0 < options.amplitude_um <= most_um:
+        beside = f', beside the offset of {options.offset_um:g} um' if options.offset_um else ''
         raise ParameterError(
             f'--amplitude-um is {options.amplitude_um:g}, allowed is above 0 … '
-            f'{plant.reach_um:g} um (the reach of the stage)')
+            f'{most_um:g} um (the reach of the stage{beside})')
     request = ScanRequest(
         waveform=options.waveform, amplitude_um=options.amplitude_um,
         frequency_hz=options.frequency_hz, sample_period_s=options.sample_period_s,
         dynamics=dynamics, hysteresis=hysteresis,
         limits=limits_of(plant, options.average_slew_v_per_s), band_hz=options.band_hz,
         free_turn=options.free_turn, ramp_periods=options.ramp_periods,
-        uncertainty=options.uncertainty, noise_rms_um=plant.noise_rms_um)
+        uncertainty=options.uncertainty, noise_rms_um=plant.noise_rms_um,
+        offset_um=options.offset_um, turn_fraction=options.turn_fraction,
+        flyback_fraction=options.flyback_fraction)
     if options.bound is not None:
         request = with_bound(request, partial(bound_magnitude, read_bound(options.bound)))
     request, plan = plan_for_rig(request, plant)
@@ -191,7 +205,8 @@ def _plan_motion(
             f'{options.motion}: it reaches {motion.greatest_um:g} um, the stage travels '
             f'{plant.reach_um:g} um to either side of its operating point')
     planned = planned_motion(
-        motion, dynamics, hysteresis, limits_of(plant, options.average_slew_v_per_s))
+        motion, dynamics, hysteresis, limits_of(plant, options.average_slew_v_per_s),
+        plant.average_slew_time_s)
     files = write_motion(
         options.output, planned.table, dynamics, motion.greatest_um, (
             f'motion of {options.motion}', *notes))

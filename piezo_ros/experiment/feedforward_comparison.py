@@ -67,6 +67,8 @@ def feedforward_comparison(
         scheme='ff', command_minimum_um=-plant.reach_um, command_maximum_um=plant.reach_um)
     scan = TrajectoryParameters.among({
         **request.dynamics.to_mapping(), 'waveform': request.waveform,
+        'offset_um': request.offset_um, 'turn_fraction': request.turn_fraction,
+        'flyback_fraction': request.flyback_fraction,
         'amplitude_um': request.amplitude_um, 'frequency_hz': request.frequency_hz,
         'sample_period_s': request.sample_period_s, 'periods': _PERIODS,
         'model_response': 'sampled'})

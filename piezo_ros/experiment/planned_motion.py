@@ -28,6 +28,7 @@ from piezo_ros.control import ControllerParameters
 from piezo_ros.control.closed_loop import run_loop
 from piezo_ros.control.tables.motion_table import MotionTable
 from piezo_ros.model import DynamicsParameters, HysteresisParameters, LinearDynamics, RigParameters
+from piezo_ros.model.effects.load import average_slew
 from piezo_ros.model.hysteresis_and_inverse import InverseHysteresis
 from piezo_ros.planning.constrained_step import AmplifierLimits
 from piezo_ros.planning.preview_chain import PreviewChain
@@ -64,7 +65,7 @@ class PlannedMotion:
 
 def planned_motion(
     motion: MotionTable, dynamics: DynamicsParameters, hysteresis: HysteresisParameters,
-    limits: AmplifierLimits,
+    limits: AmplifierLimits, average_slew_time_s: float,
 ) -> PlannedMotion:
     """
     Return the commands that bring an identified stage along a motion.
@@ -79,6 +80,8 @@ def planned_motion(
         What was identified, and the compensator inverts.
     limits : AmplifierLimits
         What the voltage must keep.
+    average_slew_time_s : float
+        Time over which the amplifier averages its current, seconds.
 
     Raises
     ------
@@ -101,21 +104,27 @@ def planned_motion(
     command_um = chain.answer(
         np.concatenate([wanted_um, np.full(latency, wanted_um[-1])]))
     voltage_v = InverseHysteresis(hysteresis).answer(0, command_um)
-    _check(voltage_v, limits, motion.sample_period_s)
+    limit_use = _limit_use(voltage_v, limits, average_slew_time_s, motion.sample_period_s)
     table = MotionTable(reference_um, command_um, motion.sample_period_s)
     error_um = _predicted_um(dynamics, hysteresis, table) - reference_um
     return PlannedMotion(
         table, latency, float(np.sqrt(np.mean(error_um**2))), float(np.abs(error_um).max()),
-        limits.worst(np.append(voltage_v, voltage_v[::-1]), motion.sample_period_s))
+        limit_use)
 
 
-def _check(
-    voltage_v: NDArray[np.float64], limits: AmplifierLimits, sample_period_s: float,
-) -> None:
-    """Refuse a voltage that the amplifier cannot give; the text names where and how much."""
-    slope_v_per_s = np.abs(np.diff(voltage_v, prepend=0.0)) / sample_period_s
+def _limit_use(
+    voltage_v: NDArray[np.float64], limits: AmplifierLimits, average_s: float,
+    sample_period_s: float,
+) -> float:
+    """Return the largest use of any limit; refuse a voltage that the amplifier cannot give."""
+    from_rest_v = np.concatenate([[0.0], voltage_v])
+    slope_v_per_s = np.abs(np.diff(from_rest_v)) / sample_period_s
+    average_v_per_s = average_slew(from_rest_v, average_s, sample_period_s, from_rest=True)
+    use = 0.0
     for name, values, allowed, unit in (
             ('the slope of the voltage', slope_v_per_s, limits.slew_v_per_s, 'V/s'),
+            (f'the slope of the voltage, averaged over {average_s:g} s,', average_v_per_s,
+             limits.average_slew_v_per_s, 'V/s'),
             ('the voltage', voltage_v, limits.maximum_v, 'V'),
             ('the voltage, negated,', -voltage_v, -limits.minimum_v, 'V')):
         worst = int(np.argmax(values))
@@ -123,6 +132,8 @@ def _check(
             raise ValueError(
                 f'{name} is {values[worst]:.4g} {unit} at {worst * sample_period_s:.6g} s, '
                 f'allowed is {allowed:.4g} {unit}: a slower or smoother motion is needed')
+        use = max(use, float(values[worst]) / allowed)
+    return use
 
 
 def _predicted_um(

@@ -70,10 +70,13 @@ def motion_of(
     samples = plan.reference_um.size
     ramp = math.ceil(
         (request.ramp_periods + 1.0) / (request.frequency_hz * request.sample_period_s))
+    ramp += plan.mean_start_samples(request.ramp_periods)
     first = (math.ceil(ramp / samples) + 1) * samples
     count = first + samples
+    about_mean_um = np.resize(plan.reference_um, count) - request.offset_um
     return MotionTable(
-        np.resize(plan.reference_um, count) * plan.soft_start(count, request.ramp_periods),
+        request.offset_um * plan.mean_start(count, request.ramp_periods)
+        + about_mean_um * plan.soft_start(count, request.ramp_periods),
         plan.command_um(count, compensator or request.hysteresis, request.ramp_periods),
         request.sample_period_s, repeat_from=first)
 
@@ -153,7 +156,9 @@ def _given(parameters: DynamicsParameters) -> dict[str, Any]:
 def _facts(request: ScanRequest, plan: PeriodicPlan) -> dict[str, Any]:
     facts: dict[str, Any] = {
         'format_version': FORMAT_VERSION,
-        'waveform': request.waveform, 'band_hz': request.band, 'free_turn': request.free_turn,
+        'waveform': request.waveform, 'offset_um': request.offset_um,
+        'turn_fraction': request.turn_fraction, 'flyback_fraction': request.flyback_fraction,
+        'band_hz': request.band, 'free_turn': request.free_turn,
         'ramp_periods': request.ramp_periods, 'uncertainty': request.uncertainty,
         'uncertainty_percent': request.uncertainty_percent, 'noise_rms_um': request.noise_rms_um,
         'kappa_um_per_v': list(request.hysteresis.kappa_um_per_v),
@@ -239,4 +244,6 @@ def _request(facts: Mapping[str, Any], trajectory: Mapping[str, Any]) -> ScanReq
         free_turn=float(facts['free_turn']), ramp_periods=float(facts['ramp_periods']),
         uncertainty=float(facts['uncertainty']),
         uncertainty_percent=float(facts.get('uncertainty_percent', 0.0)),
-        noise_rms_um=float(facts.get('noise_rms_um', 0.0)))
+        noise_rms_um=float(facts.get('noise_rms_um', 0.0)),
+        **{name: float(facts[name])
+           for name in ('offset_um', 'turn_fraction', 'flyback_fraction') if name in facts})

@@ -51,6 +51,7 @@ __all__ = [
 _ITERATIONS: Final = 12
 _SETTLED: Final = 1e-4  # relative change of the error at which the plan is done
 _REGULARISATION: Final = 1e-4  # of the mean square sensitivity
+_MEAN_SHARE: Final = 0.5  # of the slew limit, on the way to the mean of a scan
 _FIRST_SHARE: Final = 0.5
 # Voltages about the plan, by which elements of the stage may slip that do not in the model.
 _NEIGHBOURS: Final = (0.95, 0.965, 0.98, 0.99, 1.01, 1.02, 1.035, 1.05)
@@ -182,12 +183,49 @@ class PeriodicPlan:
             self, coefficients_v=coefficients_v,
             displacement_um=stage.answer(self.basis(stage.samples) @ coefficients_v))
 
+    @property
+    def mean_v(self) -> float:
+        """Mean of the voltage."""
+        return float(self.coefficients_v[0]) if self.orders[0] == 0 else 0.0
+
+    def mean_start_samples(self, periods: float) -> int:
+        """
+        Return how many samples the way to the mean takes before the scan begins.
+
+        Parameters
+        ----------
+        periods : float
+            Least length of that way; 0 for none.
+
+        """
+        if periods <= 0.0 or self.orders[0] != 0:
+            return 0
+        slope_v = _MEAN_SHARE * self.sample_period_s * min(
+            self.limits.slew_v_per_s, self.limits.average_slew_v_per_s)
+        return math.ceil(max(
+            periods / (self.frequency_hz * self.sample_period_s), abs(self.mean_v) / slope_v))
+
+    def mean_start(self, samples: int, periods: float) -> NDArray[np.float64]:
+        """
+        Return the factors of the mean in a start from rest, shape (samples,).
+
+        Parameters
+        ----------
+        samples : int
+            Length of the run.
+        periods : float
+            As for `mean_start_samples`.
+
+        """
+        rise = self.mean_start_samples(periods)
+        return np.minimum(np.arange(samples) / rise, 1.0) if rise else np.ones(samples)
+
     def soft_start(self, samples: int, periods: float) -> NDArray[np.float64]:
         """
-        Return the factors of a start from rest that keeps the limits, shape (samples,).
+        Return the factors of the scan about its mean in a start that keeps the limits.
 
-        The ramp ends where the voltage crosses zero: with |du/dt| <= s and u(T) = 0, the product of
-        u and t/T rises by (t/T) s + |u|/T <= s at most.
+        The ramp ends where the voltage crosses its mean: with |du/dt| <= s and u(T) = 0, the
+        product of u and t/T rises by (t/T) s + |u|/T <= s at most.
 
         Parameters
         ----------
@@ -196,15 +234,27 @@ class PeriodicPlan:
         periods : float
             Length of the ramp, which ends at the next crossing; 0 for none.
 
+        Returns
+        -------
+        ndarray, shape (samples,)
+
         """
         if periods <= 0.0:
             return np.ones(samples)
-        first = math.ceil(periods / (self.frequency_hz * self.sample_period_s))
-        voltage_v = self.voltage_v(first + self.reference_um.size + 1)[first:]
+        rise = self.mean_start_samples(periods)
+        first = rise + math.ceil(periods / (self.frequency_hz * self.sample_period_s))
+        voltage_v = self.voltage_v(first + self.reference_um.size + 1)[first:] - self.mean_v
         crossing = int(np.flatnonzero(voltage_v[:-1] * voltage_v[1:] <= 0.0)[0])
         before, after = voltage_v[crossing:crossing + 2].tolist()
         share = before / (before - after) if before != after else 0.0
-        return np.minimum(np.arange(samples) / (first + crossing + share), 1.0)
+        return np.clip((np.arange(samples) - rise) / (first + crossing + share - rise), 0.0, 1.0)
+
+    def started_voltage_v(self, samples: int, ramp_periods: float) -> NDArray[np.float64]:
+        """Return the voltage of a run from rest, first to its mean, shape (samples,)."""
+        about_mean_v = self.voltage_v(samples) - self.mean_v
+        return (
+            self.mean_v * self.mean_start(samples, ramp_periods)
+            + self.soft_start(samples, ramp_periods) * about_mean_v)
 
     def command_um(
         self, samples: int, hysteresis: HysteresisParameters, ramp_periods: float = 0.0,
@@ -223,7 +273,7 @@ class PeriodicPlan:
 
         """
         return MaxwellResistiveCapacitor.of(hysteresis).forward(
-            self.soft_start(samples, ramp_periods) * self.voltage_v(samples))[0]
+            self.started_voltage_v(samples, ramp_periods))[0]
 
     def _percent(self, error_um: NDArray[np.float64]) -> float:
         return _percent_of(error_um, self.reference_um)
@@ -351,6 +401,8 @@ def _start(
     gain_um_per_v = float(np.ptp(stage.answer(unit_v)) / np.ptp(unit_v))
     start = np.zeros(basis.shape[1])
     start[pair] = _FIRST_SHARE * shares / gain_um_per_v
+    if orders[0] == 0:
+        start[0] = _FIRST_SHARE * float(reference_um.mean()) / gain_um_per_v
     return start
 
 

@@ -42,9 +42,11 @@ from piezo_ros.planning.periodic_plan import PeriodicPlan, PlanAccuracy, plan_pe
 from piezo_ros.planning.periodic_stage import PeriodicStage
 
 __all__ = [
-    'ScanRequest', 'limits_of', 'plan_for_rig', 'planned_scan', 'stage_of', 'with_bound',
+    'SCANS', 'ScanRequest', 'limits_of', 'plan_for_rig', 'planned_scan', 'stage_of', 'with_bound',
 ]
 
+SCANS: Final = ('triangle', 'sine', 'sawtooth')
+_WAVEFORM: Final = WaveformParameters()
 _HIGHEST_SHARE: Final = 0.15  # of the sampling frequency, for the band
 _POLES_SHARE: Final = 6.0  # of the fastest pole pair, for the band
 _FREE_WEIGHT: Final = 0.03
@@ -64,7 +66,7 @@ class ScanRequest:
     Attributes
     ----------
     waveform : str
-        ``'triangle'`` or ``'sine'``.
+        ``'triangle'``, ``'sine'`` or ``'sawtooth'``.
     amplitude_um, frequency_hz : float
         Of the scan.
     sample_period_s : float
@@ -88,6 +90,10 @@ class ScanRequest:
         What that leaves at most of the scan, percent of the peak-to-peak reference.
     noise_rms_um : float
         Of the sensor, which a run will measure beside its error.
+    offset_um : float
+        Mean of the scan.
+    turn_fraction, flyback_fraction : float
+        Of triangle and sawtooth, as the trajectory has them.
 
     """
 
@@ -104,10 +110,13 @@ class ScanRequest:
     uncertainty: float = 0.0
     uncertainty_percent: float = 0.0
     noise_rms_um: float = 0.0
+    offset_um: float = 0.0
+    turn_fraction: float = 0.0
+    flyback_fraction: float = _WAVEFORM.flyback_fraction
 
     def __post_init__(self) -> None:
-        if self.waveform not in ('triangle', 'sine'):
-            raise ValueError(f'waveform is {self.waveform!r}, allowed are triangle, sine')
+        if self.waveform not in SCANS:
+            raise ValueError(f'waveform is {self.waveform!r}, allowed are {", ".join(SCANS)}')
         for name, low, high in (
                 ('amplitude_um', 0.0, 1e4), ('frequency_hz', 0.0, 0.25 / self.sample_period_s)):
             value = getattr(self, name)
@@ -121,6 +130,14 @@ class ScanRequest:
             value = getattr(self, name)
             if not 0.0 <= value < math.inf:
                 raise ValueError(f'{name} is {value}, it must be a number from 0 on')
+        _ = self._shape  # refuses what the trajectory refuses
+
+    @property
+    def _shape(self) -> WaveformParameters:
+        return WaveformParameters(
+            waveform=self.waveform, amplitude_um=self.amplitude_um, offset_um=self.offset_um,
+            frequency_hz=self.frequency_hz, sample_period_s=self.sample_period_s,
+            turn_fraction=self.turn_fraction, flyback_fraction=self.flyback_fraction)
 
     @property
     def band(self) -> float:
@@ -142,14 +159,13 @@ class ScanRequest:
     @property
     def is_symmetric(self) -> bool:
         """Whether odd harmonics of the voltage are enough."""
-        return not self.hysteresis.asymmetry_threshold_um
+        return not (
+            self.hysteresis.asymmetry_threshold_um or self.offset_um or self.waveform == 'sawtooth')
 
     @property
     def reference_um(self) -> NDArray[np.float64]:
         """The reference over the samples after which it repeats, shape (P,)."""
-        constants = waveform_constants(WaveformParameters(
-            waveform=self.waveform, amplitude_um=self.amplitude_um,
-            frequency_hz=self.frequency_hz, sample_period_s=self.sample_period_s))
+        constants = waveform_constants(self._shape)
         samples = repeating_samples(self.frequency_hz, self.sample_period_s)
         turns = self.frequency_hz * self.sample_period_s * np.arange(samples)
         return np.array([abrupt_step(constants, turn) for turn in turns.tolist()])
@@ -157,8 +173,8 @@ class ScanRequest:
     @property
     def weight(self) -> NDArray[np.float64]:
         """Weight of each sample's squared error, shape (P,)."""
-        reference_um = self.reference_um
-        lines = np.abs(reference_um) <= (1.0 - self.free_turn) * self.amplitude_um
+        about_mean_um = np.abs(self.reference_um - self.offset_um)
+        lines = about_mean_um <= (1.0 - self.free_turn) * self.amplitude_um
         return np.where(lines, 1.0, _FREE_WEIGHT)
 
 

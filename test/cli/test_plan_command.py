@@ -20,10 +20,13 @@ import numpy as np
 import pytest
 import yaml
 
+from piezo_ros.bag import read
 from piezo_ros.cli.main import main
 from piezo_ros.control.tables.motion_table import read_motion_table
 from piezo_ros.experiment.planned_scan import read_planned_scan
+from piezo_ros.model import RigParameters
 from piezo_ros.parameters.errors import PlanError
+from piezo_ros.parameters.parameter_file import read_parameter_set
 
 RUNS = """\
 format_version: 1
@@ -59,6 +62,28 @@ def test_a_planned_scan_runs_as_predicted(models, rig_file, capsys):
     ff, fbff = (run['nrmse_percent'] for run in report['runs'])
     assert ff == pytest.approx(planned.predicted_nrmse_percent, abs=0.005)
     assert fbff < planned.predicted_nrmse_percent + 0.02
+
+
+@pytest.mark.parametrize('shape', [
+    ('--offset-um', '2'),
+    ('--waveform', 'sawtooth', '--flyback-fraction', '0.3', '--free-turn', '0.1'),
+    ('--offset-um', '-2.5', '--turn-fraction', '0.3'),
+])
+def test_a_scan_of_any_shape_runs_as_predicted(models, rig_file, shape):
+    assert plan(*shape, amplitude_um='1.2', frequency_hz='300') == 0
+    request, planned = read_planned_scan(models / 'scan.yaml')
+    (models / 'runs.yaml').write_text(RUNS.format(rig=rig_file))
+    assert main(['simulate', 'runs.yaml', '-o', 'out']) == 0
+    ff, fbff = json.loads((models / 'out' / 'report.json').read_text())['runs']
+    assert ff['nrmse_percent'] == pytest.approx(planned.predicted_nrmse_percent, abs=0.01)
+    assert fbff['nrmse_percent'] < planned.predicted_nrmse_percent + 0.02
+    run = read(models / 'out' / ff['bag'])
+    assert np.mean(run.reference_um[-request.reference_um.size:]) == pytest.approx(
+        request.offset_um, abs=1e-9)
+    # From rest on, the start and the way to the mean as well.
+    rig = read_parameter_set(models / 'rig.yaml', 'plant', RigParameters)
+    steps_v = np.abs(np.diff(run.voltage_v, prepend=0.0))
+    assert steps_v.max() <= 1.001 * rig.slew_limit_v_per_s * 1e-5
 
 
 def test_a_planned_scan_is_read_back_as_it_was_made(models):
@@ -145,6 +170,19 @@ def test_a_motion_that_the_stage_cannot_make_is_refused(models, capsys, referenc
     assert plan_motion(reference_um) == 1
     assert problem in capsys.readouterr().err
     assert not (models / 'played.yaml').exists()
+
+
+def test_a_motion_beyond_the_average_current_is_refused(models, capsys):
+    step = 2.0 * smooth((np.arange(2000) * 1e-5 - 0.004) / 0.001)
+    rig = yaml.safe_load((models / 'rig.yaml').read_text())
+    rig['/**/plant']['ros__parameters'] |= {
+        'average_slew_limit_v_per_s': 1000.0, 'average_slew_time_s': 5e-4}
+    (models / 'rig.yaml').write_text(yaml.safe_dump(rig))
+    assert plan_motion(step) == 1
+    assert 'the slope of the voltage, averaged over 0.0005 s, is ' in capsys.readouterr().err
+    assert not (models / 'played.yaml').exists()
+    # Slowly enough, the same way is within it.
+    assert plan_motion(2.0 * smooth((np.arange(3000) * 1e-5 - 0.004) / 0.02)) == 0
 
 
 def test_either_a_scan_or_a_motion_is_planned(models, capsys):

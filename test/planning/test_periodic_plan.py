@@ -145,7 +145,7 @@ def test_a_stage_with_an_asymmetry_is_planned_with_all_harmonics():
         for symmetric in (False, True)]
     assert plans[0].predicted_nrmse_percent < 0.1 * plans[1].predicted_nrmse_percent
     rig = Rig(lopsided, PERIOD_S)
-    readings_um = rig.run(plans[0].soft_start(4 * samples, 1.0) * plans[0].voltage_v(4 * samples))
+    readings_um = rig.run(plans[0].started_voltage_v(5 * samples, 1.0))
     np.testing.assert_allclose(
         readings_um[-samples - 1:-1], plans[0].displacement_um, atol=1e-9)
 

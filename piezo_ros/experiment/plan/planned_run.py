@@ -87,7 +87,9 @@ def play_planned(
     parameters = {node: dict(values) for node, values in run.parameters.items()}
     parameters['controller']['scheme'] = 'ff'
     parameters['trajectory'] |= {
-        'waveform': 'file', 'file': str(_kept(motion)), 'harmonics': 0, 'ramp_periods': 0.0}
+        'waveform': 'file', 'file': str(_kept(motion)), 'harmonics': 0, 'ramp_periods': 0.0,
+        # The motion has both already.
+        'offset_um': 0.0, 'turn_fraction': 0.0}
     return replace(run, parameters=parameters, prediction=point)
 
 

@@ -183,7 +183,9 @@ class RasterMotions:
                 dynamics=DynamicsParameters.among(values),
                 hysteresis=HysteresisParameters.among(values), limits=limits_of(known),
                 band_hz=scan.band_hz,
-                free_turn=scan.free_turn, ramp_periods=trajectory.ramp_periods)
+                free_turn=scan.free_turn, ramp_periods=trajectory.ramp_periods,
+                turn_fraction=trajectory.turn_fraction,
+                flyback_fraction=trajectory.flyback_fraction)
             if (request, known) not in self._plans:
                 self._plans[request, known] = PlannedFastAxis(*plan_for_rig(request, known))
         except ValueError as error:

@@ -157,7 +157,7 @@ def slow_motion(
     values = known.to_mapping()
     planned = planned_motion(
         MotionTable(reference_um, None, sample_period_s), DynamicsParameters.among(values),
-        HysteresisParameters.among(values), limits_of(known))
+        HysteresisParameters.among(values), limits_of(known), known.average_slew_time_s)
     # The chain answers later; the axis rests at first, and the fast one does not wait for it.
     late = planned.table
     assert late.command_um is not None

@@ -96,9 +96,7 @@ def plan_candidate(
     """
     known = accuracy or ModelAccuracy()
     magnitude = _magnitude(uncertainty, known)
-    # A scan is planned about the operating point, with sharp turns.
-    if (magnitude is None or rig.order != 'physical' or trajectory.offset_um
-            or trajectory.turn_fraction):
+    if magnitude is None or rig.order != 'physical':
         return None
     try:
         samples = repeating_samples(trajectory.frequency_hz, trajectory.sample_period_s)
@@ -109,7 +107,8 @@ def plan_candidate(
             frequency_hz=trajectory.frequency_hz, sample_period_s=trajectory.sample_period_s,
             dynamics=DynamicsParameters.among(rig.to_mapping()),
             hysteresis=HysteresisParameters.among(rig.to_mapping()), limits=limits_of(rig),
-            noise_rms_um=rig.noise_rms_um)
+            noise_rms_um=rig.noise_rms_um, offset_um=trajectory.offset_um,
+            turn_fraction=trajectory.turn_fraction, flyback_fraction=trajectory.flyback_fraction)
         request = with_bound(replace(request, band_hz=min(
             request.band, (_MOST_HARMONICS + 0.5) * trajectory.frequency_hz)), magnitude)
         request, plan = plan_for_rig(request, rig)

@@ -104,7 +104,8 @@ def load_constants(parameters: LoadParameters, sample_period_s: float) -> LoadCo
 
 
 def average_slew(
-    voltage_v: NDArray[np.float64], average_s: float, sample_period_s: float,
+    voltage_v: NDArray[np.float64], average_s: float, sample_period_s: float, *,
+    from_rest: bool = False,
 ) -> NDArray[np.float64]:
     """
     Return the mean absolute slope of a voltage as an amplifier averages it.
@@ -112,11 +113,14 @@ def average_slew(
     Parameters
     ----------
     voltage_v : ndarray, shape (N,)
-        The voltage, in steady state: before its first sample it has been as it is on the whole.
+        The voltage.
     average_s : float
         Time over which the amplifier averages, seconds.
     sample_period_s : float
         Sample period, seconds.
+    from_rest : bool
+        Whether the voltage stood still before its first sample, as before a motion; else it has
+        been as it is on the whole, as a scan in steady state.
 
     Returns
     -------
@@ -127,7 +131,7 @@ def average_slew(
     from scipy.signal import lfilter  # here: every node of the loop imports this module
     slope = np.abs(np.diff(voltage_v)) / sample_period_s
     rate = min(sample_period_s / average_s, 1.0)
-    mean = float(slope.mean())
+    mean = 0.0 if from_rest else float(slope.mean())
     return np.asarray(lfilter([rate], [1.0, rate - 1.0], slope, zi=[(1.0 - rate) * mean])[0])
 
 

@@ -27,6 +27,7 @@ from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from piezo_ros.report.columns import Column, Value
+from piezo_ros.report.page.chart import Panel
 
 __all__ = [
     'Cell',
@@ -139,7 +140,7 @@ class Table:
 @dataclass(frozen=True)
 class Picture:
     """
-    A figure, drawn on the page and written as SVG and PNG files.
+    A figure, drawn on the page and written as SVG and PNG files; a chart where it has panels.
 
     Attributes
     ----------
@@ -149,12 +150,16 @@ class Picture:
         Plain text below the figure; screen readers read it in place of the figure.
     figure : Figure or callable
         The figure, or a function that draws it when the page is written.
+    panels : sequence of Panel or callable
+        The same as an interactive chart, or a function that makes it. It takes the place of the
+        figure on a screen; the figure is printed, and written as files. Empty without a chart.
 
     """
 
     name: str
     caption: str
     figure: Figure | Callable[[], Figure]
+    panels: Sequence[Panel] | Callable[[], Sequence[Panel]] = ()
 
 
 @dataclass(frozen=True)

@@ -22,6 +22,7 @@ from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from piezo_ros.report.figures.export import png, svg
+from piezo_ros.report.page.chart import chart_json
 from piezo_ros.report.page.content import Content, Facts, Paragraph, Picture, Table
 from piezo_ros.report.page.inline_svg import inline_svg
 from piezo_ros.report.page.rendering import render
@@ -44,11 +45,14 @@ class ElementRenderer:
     files : dict of str to (str or bytes)
         Path below the directory of the page -> content: the given files, ``figures/`` and
         ``tables/``.
+    has_charts : bool
+        Whether a picture that was rendered has an interactive chart.
 
     """
 
     def __init__(self, files: Mapping[str, str | bytes]) -> None:
         self.files = dict(files)
+        self.has_charts = False
 
     def render(self, content: Sequence[Content], anchor: str) -> Markup:
         """
@@ -104,9 +108,11 @@ class ElementRenderer:
         files = {'SVG': f'figures/{stem}.svg', 'PNG': f'figures/{stem}.png'}
         self._add(files['SVG'], document)
         self._add(files['PNG'], png(figure))
+        panels = picture.panels() if callable(picture.panels) else picture.panels
+        self.has_charts |= bool(panels)
         return render(
             'picture', drawing=inline_svg(document, picture.caption), caption=picture.caption,
-            files=files)
+            chart=chart_json(stem, picture.caption, panels) if panels else '', files=files)
 
     def _next_path(self, anchor: str) -> str:
         names = (anchor if number == 1 else f'{anchor}-{number}' for number in count(1))

@@ -19,19 +19,13 @@ from typing import Final
 
 from markupsafe import Markup
 
-from piezo_ros.report.figures.style import BACKGROUND, GRID, INK, SCHEME_COLOURS, SERIES
+from piezo_ros.report.page.colours import PAGE_COLOURS
 from piezo_ros.report.page.rendering import render
 
 __all__ = ['inline_svg']
 
 # Letters of 9.5 pt in a figure are then as large as small print on the page.
 _PAGE_REM_PER_POINT: Final = 0.102
-# Colour of a figure -> its value on the page. report.css sets the variables for light and dark
-# systems.
-_PAGE_COLOURS: Final = {INK: 'currentColor', GRID: 'var(--grid)', BACKGROUND: 'none'} | {
-    colour: f'var(--{scheme.replace("_", "-")}, {colour})'
-    for scheme, colour in SCHEME_COLOURS.items()} | {
-    colour: f'var(--series-{number}, {colour})' for number, colour in enumerate(SERIES, start=1)}
 
 
 def inline_svg(document: str, description: str) -> Markup:
@@ -63,7 +57,7 @@ def inline_svg(document: str, description: str) -> Markup:
     if opening is None:
         raise ValueError(f'the document begins with {element[:60]!r}, it must be an SVG of svg()')
     body = element[opening.end():].strip().removesuffix('</svg>')
-    for fixed, from_page in _PAGE_COLOURS.items():
+    for fixed, from_page in PAGE_COLOURS.items():
         body = body.replace(fixed, from_page)
     return render(
         'inline_svg', view_box=opening[1], width_rem=float(opening[2]) * _PAGE_REM_PER_POINT,

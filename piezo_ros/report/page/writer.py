@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from piezo_ros.report.files import write_atomically
+from piezo_ros.report.page.chart import chart_library
 from piezo_ros.report.page.content import Content, Section
 from piezo_ros.report.page.elements import ElementRenderer
 from piezo_ros.report.page.rendering import render
@@ -92,12 +93,14 @@ def write_page(
     sections = [*sections, Section('made', 'How this was made', [how_made])]
     _require_anchors(sections)
     elements = ElementRenderer(files or {})
+    lead_html = elements.render(lead, 'lead')
+    bodies = [elements.render(section.content, section.anchor) for section in sections]
     page = render(
-        'page', title=title, lead=elements.render(lead, 'lead'),
+        'page', title=title, lead=lead_html,
         sections=[
-            {'anchor': section.anchor, 'title': section.title,
-             'content': elements.render(section.content, section.anchor)}
-            for section in sections])
+            {'anchor': section.anchor, 'title': section.title, 'content': body}
+            for section, body in zip(sections, bodies, strict=True)],
+        charts=chart_library() if elements.has_charts else None)
     write_atomically(directory / 'report.json', f'{text}\n')
     for path, content in elements.files.items():
         write_atomically(directory / path, content)
