@@ -72,7 +72,7 @@ class HarmonicFit:
 
 def covered_share(indices: ArrayLike, period_samples: float) -> float:
     """
-    Return which share of a period has samples, in twentieths.
+    Return which share of a period has samples, in twentieths, or in samples of a shorter one.
 
     Parameters
     ----------
@@ -83,8 +83,9 @@ def covered_share(indices: ArrayLike, period_samples: float) -> float:
 
     """
     phases = np.mod(np.asarray(indices, dtype=np.float64) / period_samples, 1.0)
-    bins = np.minimum((phases * _PHASE_BINS).astype(int), _PHASE_BINS - 1)
-    return float(np.unique(bins).size / _PHASE_BINS)
+    number = max(1, min(_PHASE_BINS, int(period_samples)))
+    bins = np.minimum((phases * number).astype(int), number - 1)
+    return float(np.unique(bins).size / number)
 
 
 def fit_harmonics(indices: ArrayLike, samples: ArrayLike, period_samples: float) -> HarmonicFit:

@@ -100,7 +100,9 @@ class PageServer:
         self._thread.start()
 
     def close(self) -> None:
-        """Answer no more."""
+        """Answer no more; a second time it does nothing."""
+        if not self._thread.is_alive():
+            return
         self._server.shutdown()
         self._server.server_close()
         self._server.end_connections()

@@ -15,6 +15,7 @@
 """What the page shows of one rig: samples, statuses, and what follows from them; bounded."""
 
 import math
+import statistics
 import time
 from collections import deque
 from collections.abc import Mapping
@@ -208,9 +209,14 @@ def _error_figures(
     errors_um: list[float], indices: list[int], facts: RunFacts,
 ) -> dict[str, Any]:
     """Return size of the error of some samples; NRMSE only where they are of the whole period."""
-    rms_um = math.sqrt(math.fsum(error * error for error in errors_um) / len(errors_um))
+    squares = [error * error for error in errors_um]
+    square = statistics.fmean(squares)
+    rms_um = math.sqrt(square)
+    # Two standard errors of the root, relative, are one of the mean of squares.
+    doubt = statistics.pstdev(squares) / math.sqrt(len(squares)) / square if square else 0.0
     figures: dict[str, Any] = {
         'rms_nm': _NM_PER_UM * rms_um,
+        'relative_doubt': doubt,
         'largest_nm': _NM_PER_UM * max(map(abs, errors_um))}
     references_um = [reference_um for _, reference_um in facts.outline]
     span_um = max(references_um) - min(references_um) if references_um else 0.0

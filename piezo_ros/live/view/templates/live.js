@@ -176,10 +176,11 @@
       this.section.append(this.heading, this.about, this.figures, this.note, charts);
       byId('rigs').append(this.section);
       const isDense = () => this.isDense;
-      this.periodFigure = figure('One period, samples of many laid over each other', keys('dashed'));
+      this.periodFigure = figure('Displacement over one period', keys('dashed'));
       this.displacementFigure = figure('Displacement', keys('ring'));
-      this.errorFigure = figure('Error, reference less displacement', element('figcaption'));
+      this.voltagePeriodFigure = figure('Voltage over one period', element('figcaption'));
       this.voltageFigure = figure('Voltage', element('figcaption'));
+      this.errorFigure = figure('Error, reference less displacement', element('figcaption'));
       this.spectrumFigure = figure('Harmonics', element('figcaption'));
       this.period = new Plot(this.periodFigure, {
         xLabel: 'phase (periods)', yLabel: 'µm', xRange: [0, 1],
@@ -187,6 +188,9 @@
       this.displacement = new Plot(this.displacementFigure, {
         xLabel: 'time of the run (s)', yLabel: 'µm',
         series: [joined(rings('var(--ink)'), isDense), joined(dots('var(--series-1)'), isDense)]});
+      this.voltsPeriod = new Plot(this.voltagePeriodFigure, {
+        xLabel: 'phase (periods)', yLabel: 'V', xRange: [0, 1], series: [dots('var(--series-2)')],
+        hooks: {drawAxes: [drawRails(() => this.facts ? this.facts.rails_v : [])]}});
       this.error = new Plot(this.errorFigure, {
         xLabel: 'time of the run (s)', yLabel: 'nm', series: [joined(dots('var(--series-4)'), isDense)]});
       this.volts = new Plot(this.voltageFigure, {
@@ -197,7 +201,7 @@
         xRange: (u, min, max) => [0.3, (max || 1) + 0.7],
         series: [{stroke: 'transparent', paths: () => null, points: {show: false}}, {stroke: 'transparent', paths: () => null, points: {show: false}}],
         hooks: {draw: [drawSpectrum(() => this.analysis && this.analysis.spectrum)]}});
-      this.plots = [this.period, this.displacement, this.error, this.volts, this.spectrum];
+      this.plots = [this.period, this.displacement, this.voltsPeriod, this.volts, this.error, this.spectrum];
       this.nodes = element('tbody');
       const table = element('table', '', 'nodes');
       const head = element('thead');
@@ -264,7 +268,6 @@
       const times = indices.map((index) => index * facts.sample_period_s);
       const follows = facts.follows_reference;
       this.about.textContent = `Run ${this.run}: ${facts.description}`;
-      this.displacement.show([times, references, measured], this.seen('displacement', 'µm', measured));
       const errors = measured.map((value, place) =>
         references[place] === null ? null : 1000 * (references[place] - value));
       const isTrusted = follows && !analysis.refused_reference;
@@ -273,12 +276,25 @@
         this.error.show([times, errors], this.seen('error', 'nm', errors.filter((value) => value !== null)));
       }
       const [voltageIndices, voltages] = this.voltage.map((column) => column.slice(-SHOWN_SAMPLES));
+      // Far apart, samples of what repeats say little over time: they are laid over one period.
+      const isFolded = facts.period_samples !== null && !this.isDense;
+      this.displacementFigure.hidden = isFolded;
+      this.voltageFigure.hidden = isFolded;
+      this.voltagePeriodFigure.hidden = !isFolded;
+      this.periodFigure.hidden = facts.period_samples === null;
+      this.displacement.show([times, references, measured], this.seen('displacement', 'µm', measured));
       this.volts.show(
         [voltageIndices.map((index) => index * facts.sample_period_s), voltages],
         this.seen('voltage', 'V', voltages));
-      this.voltageFigure.querySelector('figcaption').textContent =
-        `Rails: ${shortNumber(facts.rails_v[0])} and ${shortNumber(facts.rails_v[1])} V from the operating point.`;
-      this.drawPeriod(indices, measured);
+      const rails = `Rails: ${shortNumber(facts.rails_v[0])} and ${shortNumber(facts.rails_v[1])} V from the operating point.`;
+      this.voltageFigure.querySelector('figcaption').textContent = rails;
+      this.voltagePeriodFigure.querySelector('figcaption').textContent = `Samples of many periods. ${rails}`;
+      if (!this.periodFigure.hidden) {
+        this.drawPeriod(indices, measured);
+        const folded = this.folded(voltageIndices, voltages).sort((one, other) => one[0] - other[0]);
+        this.voltsPeriod.show([folded.map((point) => point[0]), folded.map((point) => point[1])],
+          this.seen('voltage over one period', 'V', folded.map((point) => point[1])));
+      }
       this.drawSpectrum();
       this.showFigures(voltages);
     }
@@ -289,20 +305,26 @@
         `largest ${shortNumber(largest(values))} ${unit}`;
     }
 
-    drawPeriod(indices, measured) {
-      const {facts} = this;
-      this.periodFigure.hidden = facts.period_samples === null;
-      if (this.periodFigure.hidden) return;
+    // Phase and value of the samples after the soft start.
+    folded(indices, values) {
       const points = [];
       indices.forEach((index, place) => {
-        if (index >= this.analysis.from_sample) points.push([(index / facts.period_samples) % 1, null, measured[place]]);
+        if (index >= this.analysis.from_sample) points.push([(index / this.facts.period_samples) % 1, values[place]]);
       });
-      const shown = points.length;
-      facts.outline.forEach(([phase, value]) => points.push([phase, value, null]));
+      return points;
+    }
+
+    drawPeriod(indices, measured) {
+      const {outline} = this.facts;
+      const samples = this.folded(indices, measured);
+      const points = [
+        ...samples.map(([phase, value]) => [phase, null, value]),
+        ...outline.map(([phase, value]) => [phase, value, null])];
       points.sort((one, other) => one[0] - other[0]);
       this.period.show([0, 1, 2].map((column) => points.map((point) => point[column])),
-        `${shown} samples of the displacement over one period` +
-        (facts.outline.length ? ', with the reference' : ''));
+        `${samples.length} samples of the displacement over one period` +
+        (outline.length ? ', with the reference' : ''));
+      this.periodFigure.querySelector('.key-reference').hidden = !outline.length;
     }
 
     drawSpectrum() {
@@ -330,9 +352,9 @@
     showFigures(voltages) {
       const {analysis, facts, plant} = this;
       const shown = [];
-      if (analysis.nrmse_percent !== undefined) shown.push(['NRMSE, estimate', `${shortNumber(analysis.nrmse_percent)} %`]);
+      if (analysis.nrmse_percent !== undefined) shown.push(['NRMSE, estimate', `${shortNumber(analysis.nrmse_percent)} ± ${shortNumber(analysis.nrmse_percent * analysis.relative_doubt, 2)} %`]);
       if (analysis.rms_nm !== undefined) {
-        shown.push(['RMS error, estimate', `${shortNumber(analysis.rms_nm)} nm`]);
+        shown.push(['RMS error, estimate', `${shortNumber(analysis.rms_nm)} ± ${shortNumber(analysis.rms_nm * analysis.relative_doubt, 2)} nm`]);
         shown.push([`largest of ${analysis.samples} samples seen`, `${shortNumber(analysis.largest_nm)} nm`]);
       }
       if (voltages.length) shown.push(['voltage, newest seen', `${shortNumber(voltages[voltages.length - 1])} V`]);
@@ -370,7 +392,7 @@
     byId('runs').replaceChildren(...news.runs.map((run) => {
       const row = element('tr');
       row.append(element('td', String(run.number), 'number'), element('td', run.description),
-        element('td', run.state), element('td', run.detail));
+        element('td', run.state, 'run-state'), element('td', run.detail));
       return row;
     }));
     document.title = `${Math.round(100 * news.share_done)} % · ${news.title}`;
