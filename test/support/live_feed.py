@@ -16,10 +16,10 @@
 
 import numpy as np
 import yaml
+from processes import ROOT
 
 from piezo_ros.experiment.offline import simulated_streams
 from piezo_ros.experiment.plan import read_plan
-from processes import ROOT
 
 __all__ = ['planned_runs', 'show_run', 'status_of']
 
