@@ -35,6 +35,8 @@ class Case(NamedTuple):
         Peak amplitude, micrometres, and fundamental frequency, hertz.
     runs : tuple of ScoredRun
         In their given order.
+    offset_um : float
+        Mean of the reference, micrometres.
 
     """
 
@@ -42,11 +44,21 @@ class Case(NamedTuple):
     amplitude_um: float
     frequency_hz: float
     runs: tuple[ScoredRun, ...]
+    offset_um: float = 0.0
+
+    @property
+    def name(self) -> str:
+        """Its reference in the names of files, unique among the cases of a report."""
+        about = f'-about-{self.offset_um:g}um' if self.offset_um else ''
+        return f'{self.waveform}-{self.amplitude_um:g}um{about}-{self.frequency_hz:g}Hz'
 
     @property
     def title(self) -> str:
-        """Waveform, amplitude and frequency of the reference, for a heading."""
-        return f'{self.waveform.capitalize()}, {self.amplitude_um:g} µm, {self.frequency_hz:g} Hz'
+        """Waveform, amplitude, offset and frequency of the reference, for a heading."""
+        about = f' about {self.offset_um:g} µm' if self.offset_um else ''
+        return (
+            f'{self.waveform.capitalize()}, {self.amplitude_um:g} µm{about}, '
+            f'{self.frequency_hz:g} Hz')
 
 
 class Agreement(NamedTuple):
@@ -74,7 +86,7 @@ class Agreement(NamedTuple):
 
 def cases(runs: Iterable[ScoredRun]) -> tuple[Case, ...]:
     """
-    Group runs by waveform, amplitude and frequency.
+    Group runs by waveform, amplitude, frequency and offset.
 
     Parameters
     ----------
@@ -87,11 +99,12 @@ def cases(runs: Iterable[ScoredRun]) -> tuple[Case, ...]:
         In the order of their first run.
 
     """
-    groups: dict[tuple[str, float, float], list[ScoredRun]] = {}
+    groups: dict[tuple[str, float, float, float], list[ScoredRun]] = {}
     for run in runs:
-        key = run.waveform, run.amplitude_um, run.frequency_hz
+        key = run.waveform, run.amplitude_um, run.frequency_hz, run.offset_um
         groups.setdefault(key, []).append(run)
-    return tuple(Case(*key, tuple(members)) for key, members in groups.items())
+    return tuple(
+        Case(*key[:3], tuple(members), key[3]) for key, members in groups.items())
 
 
 def agreement(runs: Sequence[ScoredRun]) -> Agreement:

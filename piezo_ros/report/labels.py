@@ -43,12 +43,17 @@ def run_label(run: ScoredRun, among: Sequence[ScoredRun]) -> str:
     Returns
     -------
     str
-        The scheme; followed by the number of harmonics if another run has the same scheme, and by
-        the bag if another run has the same harmonics too.
+        The scheme; followed by the offset if runs differ in it, by the number of harmonics if
+        another run has the same scheme and offset, and by the bag if one has the same harmonics
+        too.
 
     """
-    rivals = [other for other in among if other is not run and other.scheme == run.scheme]
     label = scheme_label(run.scheme)
+    if len({other.offset_um for other in among}) > 1:
+        label = f'{label}, offset {run.offset_um:g} µm'
+    rivals = [
+        other for other in among if other is not run
+        and (other.scheme, other.offset_um) == (run.scheme, run.offset_um)]
     if not rivals:
         return label
     label = f'{label}, m = {run.harmonics}'

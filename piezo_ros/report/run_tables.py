@@ -17,7 +17,6 @@
 import csv
 import io
 from collections.abc import Sequence
-from dataclasses import fields
 from typing import Final
 
 from piezo_ros.report.columns import Column, Value, value_text
@@ -33,23 +32,31 @@ _RUN_COLUMNS: Final = (
     Column('amplitude', 'µm', 'g'),
     Column('frequency', 'Hz', 'g'),
 )
+_OFFSET: Final = Column('offset', 'µm', 'g')
 SCORE_COLUMNS: Final = (
     Column('m', '', 'd'),
     Column('NRMSE', '%', '.2f'),
     Column('paper', '%', '.2f'),
     Column('deviation', '%', '+.1f'),
     Column('max error', 'µm', '.3f'),
+    Column('condition'),
     Column('samples', '', 'd'),
     Column('wall time', 's', '.2f'),
     Column('rate', 'samples/s', '.0f'),
 )
+
+# The published number keeps its place where no run has it.
+_CSV_NAMES: Final = (
+    'scheme', 'waveform', 'amplitude_um', 'frequency_hz', 'harmonics', 'nrmse_percent',
+    'max_error_um', 'bag', 'samples', 'wall_seconds', 'paper_nrmse_percent')
 
 
 def score_values(run: ScoredRun) -> list[Value]:
     """Return the values of a run in the order of `SCORE_COLUMNS`."""
     return [
         run.harmonics, run.nrmse_percent, run.paper_nrmse_percent, run.deviation_percent,
-        run.max_error_um, run.samples, run.wall_seconds or None, run.samples_per_wall_second]
+        run.max_error_um, run.condition.words, run.samples,
+        run.wall_seconds or None, run.samples_per_wall_second]
 
 
 def text_table(runs: Sequence[ScoredRun]) -> str:
@@ -67,12 +74,13 @@ def text_table(runs: Sequence[ScoredRun]) -> str:
         A heading, a line of units, a rule and the rows; every line ends in a line feed.
 
     """
-    columns = (*_RUN_COLUMNS, *SCORE_COLUMNS)
+    has_offsets = any(run.offset_um for run in runs)
+    columns = (*_RUN_COLUMNS, *((_OFFSET,) if has_offsets else ()), *SCORE_COLUMNS)
     rows = [[column.title for column in columns], [column.unit for column in columns]]
     for run in runs:
         values = [
             scheme_label(run.scheme), run.waveform, run.amplitude_um, run.frequency_hz,
-            *score_values(run)]
+            *((run.offset_um,) if has_offsets else ()), *score_values(run)]
         rows.append([
             value_text(value, column) for value, column in zip(values, columns, strict=True)])
     widths = [max(map(len, texts)) for texts in zip(*rows, strict=True)]
@@ -101,7 +109,7 @@ def csv_table(runs: Sequence[ScoredRun]) -> str:
 
     """
     text = io.StringIO(newline='')
-    names = [field.name for field in fields(ScoredRun) if field.compare]
+    names = list(dict.fromkeys([*_CSV_NAMES, *(name for run in runs for name in run.record())]))
     writer = csv.DictWriter(text, names, restval='', lineterminator='\n')
     writer.writeheader()
     writer.writerows(run.record() for run in runs)

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Scores a run: its tracking error over the last periods, beside the published number.
+Scores a run: its tracking error over the last periods, its condition, the published number.
 
     NRMSE = RMS(y_d - y) / (max y_d - min y_d)      Section 5 in Liu 2015
 """
@@ -21,14 +21,17 @@ Scores a run: its tracking error over the last periods, beside the published num
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from piezo_ros.bag import Recording, Run
 from piezo_ros.paper import HARMONICS, table_4
+from piezo_ros.parameters.roles import parameters_by_role
 from piezo_ros.report.metrics import nrmse, tail
+from piezo_ros.report.run_condition import RunCondition, run_condition
+from piezo_ros.report.settling import settling_periods
 
 __all__ = ['ScoredRun', 'score']
 
@@ -64,6 +67,10 @@ class ScoredRun:
         The published NRMSE (Table 4 in Liu 2015); None where the paper has none.
     time_s, reference_um, displacement_um, voltage_v : ndarray, shape (n,)
         The scored window; the time is that of the run.
+    offset_um : float
+        Mean of the reference, micrometres, as the trajectory was told; 0 where that is not known.
+    condition : RunCondition
+        Whether the run is stable, settled and within the limits of the amplifier.
 
     """
 
@@ -82,6 +89,8 @@ class ScoredRun:
     reference_um: NDArray[np.float64] = field(repr=False, compare=False)
     displacement_um: NDArray[np.float64] = field(repr=False, compare=False)
     voltage_v: NDArray[np.float64] = field(repr=False, compare=False)
+    offset_um: float = 0.0
+    condition: RunCondition = field(default_factory=RunCondition)
 
     @property
     def error_um(self) -> NDArray[np.float64]:
@@ -116,7 +125,8 @@ class ScoredRun:
         -------
         dict
             Every scalar attribute under its own name; `paper_nrmse_percent` only where the paper
-            has the number.
+            has the number, `offset_um` where there is one, and the entries of
+            `RunCondition.record`.
 
         """
         record: dict[str, str | int | float] = {
@@ -133,7 +143,9 @@ class ScoredRun:
         }
         if self.paper_nrmse_percent is not None:
             record['paper_nrmse_percent'] = self.paper_nrmse_percent
-        return record
+        if self.offset_um:
+            record['offset_um'] = self.offset_um
+        return record | self.condition.record()
 
 
 def score(
@@ -175,26 +187,46 @@ def score(
     if harmonics != int(harmonics):
         raise ValueError(f'harmonics of the run is {harmonics}, it must be an integer')
     window = tail(run.samples, frequency_hz, run.sample_period_s, periods)
-    scored = run.part(window.start, window.stop)
-    reference_um = np.asarray(scored.reference_um, dtype=np.float64)
-    displacement_um = np.asarray(scored.displacement_um, dtype=np.float64)
-    published = waveform == 'triangle' and harmonics == HARMONICS
+    # What comes before the window tells whether the run has settled in it.
+    before = min(window.start, math.ceil(
+        2 * settling_periods(periods) / (frequency_hz * run.sample_period_s)))
+    end = run.part(window.start - before, window.stop)
+    streams = {
+        name: np.asarray(getattr(end, name), dtype=np.float64)
+        for name in ('reference_um', 'displacement_um', 'voltage_v')}
+    scored = {name: values[before:] for name, values in streams.items()}
+    reference_um, displacement_um = scored['reference_um'], scored['displacement_um']
+    nrmse_percent = nrmse(reference_um, displacement_um) * _PERCENT
+    trajectory = parameters_by_role(run.parameters).get('trajectory', {})
+    offset_um = _told(trajectory, 'offset_um')
+    published = (
+        waveform == 'triangle' and harmonics == HARMONICS and not offset_um
+        and not _told(trajectory, 'turn_fraction'))
     return ScoredRun(
         scheme=scheme,
         waveform=waveform,
         amplitude_um=amplitude_um,
         frequency_hz=frequency_hz,
         harmonics=int(harmonics),
-        nrmse_percent=nrmse(reference_um, displacement_um) * _PERCENT,
+        nrmse_percent=nrmse_percent,
         max_error_um=float(np.max(np.abs(reference_um - displacement_um))),
         bag=bag,
         samples=run.samples,
         wall_seconds=float(wall_seconds),
         paper_nrmse_percent=table_4(scheme, amplitude_um, frequency_hz) if published else None,
-        time_s=scored.time_s,
-        reference_um=reference_um,
-        displacement_um=displacement_um,
-        voltage_v=np.asarray(scored.voltage_v, dtype=np.float64))
+        time_s=end.time_s[before:],
+        **scored,
+        offset_um=offset_um,
+        condition=run_condition(
+            run.parameters, **streams, frequency_hz=frequency_hz,
+            sample_period_s=run.sample_period_s, scored_periods=periods,
+            scored_samples=reference_um.size))
+
+
+def _told(parameters: Mapping[str, Any], name: str) -> float:
+    """Return a number among the parameters of a node, 0 where a foreign node has none."""
+    value = parameters.get(name, 0.0)
+    return float(value) if isinstance(value, int | float) else 0.0
 
 
 def _entry(metadata: Mapping[str, str], key: str) -> str:

@@ -48,7 +48,8 @@ def synthetic_run(
             **{name: getattr(run, name)[start:stop] for name in arrays})
 
     run = SimpleNamespace(
-        samples=samples, sample_period_s=sample_period_s, metadata=values, part=part, **arrays)
+        samples=samples, sample_period_s=sample_period_s, metadata=values, parameters={},
+        part=part, **arrays)
     return run
 
 

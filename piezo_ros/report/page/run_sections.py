@@ -187,8 +187,8 @@ def _harmonics_curve(
         [measured.get(m, math.nan) for m in predicted], run.harmonics)
 
 
-def _scan(run: ScoredRun) -> tuple[str, str, float, float]:
-    return run.scheme, run.waveform, run.amplitude_um, run.frequency_hz
+def _scan(run: ScoredRun) -> tuple[str, str, float, float, float]:
+    return run.scheme, run.waveform, run.amplitude_um, run.frequency_hz, run.offset_um
 
 
 def pictures_section(runs: Sequence[ScoredRun]) -> Section:
@@ -212,7 +212,7 @@ def pictures_section(runs: Sequence[ScoredRun]) -> Section:
 
 
 def _pictures(case: Case) -> list[Picture]:
-    name = f'{case.waveform}-{case.amplitude_um:g}um-{case.frequency_hz:g}Hz'
+    name = case.name
     return [
         Picture(f'tracking-{name}', 'Desired and measured displacement, and below their '
                 'difference.', partial(tracking_figure, case.runs)),

@@ -112,6 +112,8 @@ def test_json_holds_the_numbers_exactly(report, scored_runs):
     for record, run in zip(data['runs'], scored_runs, strict=True):
         published = record.pop('paper_nrmse_percent', None)
         assert published == run.paper_nrmse_percent
+        condition = {name: record.pop(name) for name in run.condition.record()}
+        assert condition == run.condition.record()
         assert {name: type(value) for name, value in record.items()} == always
         assert record == {name: getattr(run, name) for name in always}
     assert sum('paper_nrmse_percent' in run.record() for run in scored_runs) == 2
