@@ -31,7 +31,7 @@ from piezo_ros.parameters.run import PlannedRun, RunResult
 
 __all__ = ['LiveView']
 
-_LAST_LOOK_S: Final = 1.5  # in which an open page takes in how the campaign has ended
+_LAST_LOOK_S: Final = 2.5  # in which an open page takes in how the campaign has ended
 _OPEN_S: Final = 3.0  # since its last look a page counts as open
 _Arguments = ParamSpec('_Arguments')
 

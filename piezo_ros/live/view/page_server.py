@@ -45,6 +45,8 @@ _MOST_CONNECTIONS: Final = 16
 _LONGEST_HEAD: Final = 16_384
 _LONGEST_CONNECTION_S: Final = 10.0
 _LOOK_S: Final = 0.25
+_LAST_ANSWERS_S: Final = 0.5
+_SHORT_S: Final = 0.01
 _HEADERS: Final = {
     'Cache-Control': 'no-store',
     'Cross-Origin-Opener-Policy': 'same-origin',
@@ -105,6 +107,9 @@ class PageServer:
             return
         self._server.shutdown()
         self._server.server_close()
+        begun_s = time.monotonic()
+        while self._server.is_answering() and time.monotonic() - begun_s < _LAST_ANSWERS_S:
+            time.sleep(_SHORT_S)
         self._server.end_connections()
         self._thread.join()
 
@@ -179,6 +184,11 @@ class _Server(socketserver.ThreadingMixIn, socketserver.TCPServer):
         with self._lock:
             self._begun_s.pop(request, None)
         super().shutdown_request(request)
+
+    def is_answering(self) -> bool:
+        """Return whether a connection is open."""
+        with self._lock:
+            return bool(self._begun_s)
 
     def service_actions(self) -> None:
         """End connections that take too long."""
