@@ -142,6 +142,16 @@ setup(
         # needs a newer NumPy than the oldest above: the tests of the oldest go without it.
         'ni': ['grpcio>=1.49', 'nidaqmx[grpc]>=1.0.2'],
         'gcs': ['pyserial>=3.5'],
+        # The site of the documentation: make docs.
+        'docs': [
+            'ipykernel',
+            'myst-nb>=1.1',
+            'numpydoc>=1.7',
+            'pydata-sphinx-theme>=0.15',
+            'sphinx>=7.2',
+            'sphinx-copybutton>=0.5',
+            'sphinx-gallery>=0.17',
+        ],
         'test': [
             # Both with the Chromium of the distribution: apt-get install chromium.
             'axe-playwright-python>=0.1.4',
