@@ -130,7 +130,7 @@ def test_a_port_that_is_taken_is_named():
 @pytest.mark.parametrize('text', ['-1', '65536', 'http', '80.5', '', '²'])
 def test_what_is_no_port_is_refused(text, capsys):
     with pytest.raises(SystemExit) as exit_of:
-        argument_parser(['run']).parse_args(['run', 'PLAN', '-o', 'DIR', f'--live-port={text}'])
+        argument_parser(['run']).parse_args(['run', 'demo', '-o', 'DIR', f'--live-port={text}'])
     assert exit_of.value.code == 2
     assert f'{text!r} is no port: allowed are 0, for any that is free, to 65535' in (
         capsys.readouterr().err)
