@@ -38,9 +38,10 @@ __all__ = ['add_arguments', 'add_plan_arguments', 'check_ros', 'run_plan', 'run_
 
 _EXAMPLES = """\
 examples:
-  piezo run demo -o out/demo
+  piezo run config/experiments/demo.yaml -o out/demo
   piezo run config/experiments/demo.yaml -o out/demo --composed --force
-  piezo simulate my_plan.yaml -o out/offline
+  piezo simulate config/experiments/demo.yaml -o out/offline
+  piezo simulate demo -o out/offline        (the same, by its bare name)
 """
 
 
