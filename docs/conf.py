@@ -53,6 +53,8 @@ extensions = [
 rosdoc2_settings = {'allow_other_extensions': True, 'override_theme': False}
 
 root_doc = 'index'
+# `name` in a docstring is a link where there is such a name.
+default_role = 'py:obj'
 exclude_patterns = [
     '_build', 'gallery', 'sg_execution_times.rst', '**/.ipynb_checkpoints',
     # Beside the pages of the gallery, for download.
@@ -84,8 +86,9 @@ suppress_warnings = ['ref.python']
 myst_heading_anchors = 4
 myst_enable_extensions = ['colon_fence', 'deflist', 'dollarmath']
 
-# Notebooks are run as the site is built, and an error in one ends the build.
-nb_execution_mode = 'cache'
+# Notebooks are run as the site is built, with the pictures inline; an error ends the build.
+os.environ.pop('MPLBACKEND', None)
+nb_execution_mode = 'force'
 nb_execution_raise_on_error = True
 nb_execution_timeout = 900
 # A kernel that does not warn of its own transport, which is that of this machine.
