@@ -24,9 +24,9 @@ be predicted.
 # %%
 # The feedforward inverts the printed dynamics, and the rig differs from them. The prediction is
 # made with what is known of the rig: its dynamics as they were identified from recorded runs
-# (``config/identified.yaml``), the hysteresis of Table 1, the current limit of the amplifier. Where
-# these differ from the rig, so do the curves; what a choice of m by the prediction loses against the
-# best m is printed.
+# (``config/identified.yaml``), the hysteresis of Table 1, the limit of the amplifier. Where these
+# differ from the rig, so do the curves; what a choice of m by the prediction loses against the best
+# m is printed.
 import matplotlib.pyplot as plt
 import numpy as np
 
