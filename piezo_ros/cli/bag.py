@@ -25,16 +25,19 @@ import numpy as np
 
 from piezo_ros.bag import STREAMS, BagError, open_recording, salvage
 from piezo_ros.cli.shared.bag_options import add_bag_options, bag_options
+from piezo_ros.cli.shared.outputs import check_output
 from piezo_ros.control.tables.motion_table import (
     MotionTable,
     MotionTableError,
     write_motion_table,
 )
+from piezo_ros.parameters.errors import PlanError
 from piezo_ros.parameters.role_parameters import full_name
 from piezo_ros.report.files import put_in_place
 
 __all__ = ['add_arguments']
 
+_UNITS: Final = {'v': 'V'}  # in names units are lower case
 _EXPORTED_AT_ONCE: Final = 100_000  # samples
 _IN_UM: Final = tuple(name for name, unit in STREAMS.items() if unit == 'um')
 _EXAMPLES: Final = """\
@@ -101,10 +104,12 @@ def _info(options: argparse.Namespace) -> tuple[str, ...]:
     print(f'namespace      {run.namespace}')
     print(f'sample period  {run.sample_period_s:g} s')
     print(f'common samples {run.samples} from index {run.start_index}')
+    print(f'duration       {run.samples * run.sample_period_s:g} s')
     for stream, summary in run.streams.items():
         print(
             f'  {stream:13}{summary.samples} samples from index {summary.start_index}, '
-            f'{summary.minimum:.4g} … {summary.maximum:.4g} {STREAMS[stream]}'
+            f'{summary.minimum:.4g} … {summary.maximum:.4g} '
+            f'{_UNITS.get(STREAMS[stream], STREAMS[stream])}'
             + _remapped(run.namespace, stream, summary.topic))
     for name, value in run.metadata.items():
         print(f'{name:28}{value}')
@@ -121,9 +126,7 @@ def _remapped(namespace: str, stream: str, topic: str) -> str:
 def _unless_there(
     action: Callable[[argparse.Namespace], tuple[str, ...]], options: argparse.Namespace,
 ) -> int:
-    if options.output.exists() and not options.force:
-        print(f'piezo: {options.output} exists; --force replaces it', file=sys.stderr)
-        return 2
+    check_output(options.output, force=options.force)
     return _guarded(action, options)
 
 
@@ -146,7 +149,8 @@ def _export(options: argparse.Namespace) -> tuple[str, ...]:
 
 def _motion(options: argparse.Namespace) -> tuple[str, ...]:
     if options.output.suffix != '.npz':
-        raise BagError(f'{options.output}: a motion is written as .npz')
+        raise PlanError(
+            f'-o {options.output}: a motion is written as .npz, not {options.output.suffix!r}')
     names = (options.reference, *((options.command,) if options.command else ()))
     run = open_recording(options.bag, **bag_options(options), keep_not_finite=True)
     period_s, first = run.sample_period_s, run.start_index

@@ -192,4 +192,4 @@ def test_a_motion_that_a_bag_has_not_is_refused(bag, command, tmp_path, options,
     assert problem in err
     assert not (tmp_path / 'motion.npz').exists()
     code, _, err = command('motion', bag, '-o', tmp_path / 'motion.csv')
-    assert (code, 'a motion is written as .npz' in err) == (1, True)
+    assert (code, 'a motion is written as .npz' in err) == (2, True)

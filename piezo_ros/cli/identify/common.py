@@ -30,10 +30,9 @@ from piezo_ros.cli.shared.exit_codes import (
     EXIT_FAILED,
     EXIT_LOSS,
     EXIT_POOR,
-    EXIT_USAGE,
 )
+from piezo_ros.cli.shared.outputs import check_output
 from piezo_ros.identification.verdict import Verdict
-from piezo_ros.model import ParameterError
 from piezo_ros.parameters.errors import PlanError, failure_text
 from piezo_ros.report.files import write_atomically
 
@@ -130,9 +129,7 @@ def identify(
     outputs = [options.output, *(
         options.output.with_suffix(suffix) for suffix in (_PLOT_SUFFIX, *further_suffixes))]
     for path in outputs:
-        if path.exists() and not options.force:
-            print(f'piezo: {path} exists; --force replaces it', file=sys.stderr)
-            return EXIT_USAGE
+        check_output(path, force=options.force)
     try:
         runs = [
             _with_losses(read(*_opened(path, options, hysteresis)), options.allow_loss)
@@ -141,7 +138,9 @@ def identify(
         files, verdict = make(options, runs)
         for path, text in files.items():
             write_atomically(path, text)
-    except (BagError, PlanError, ParameterError, ValueError, OSError) as error:
+    except PlanError:
+        raise
+    except (BagError, ValueError, OSError) as error:
         print(f'piezo: {failure_text(error)}', file=sys.stderr)
         return EXIT_FAILED
     print(f'model: {", ".join(map(str, files))}')

@@ -34,6 +34,7 @@ from piezo_ros.cli.identify.common import (
 )
 from piezo_ros.identification.hysteresis.hysteresis_result import HysteresisFit
 from piezo_ros.identification.hysteresis.records import Record, record_of_blocks
+from piezo_ros.parameters.errors import PlanError
 
 __all__ = ['ReducedRun', 'add_kind', 'reduced_run']
 
@@ -153,7 +154,7 @@ def _make(options: argparse.Namespace, runs: list[ReducedRun]) -> Identified:
     elements = options.elements
     if elements not in ('auto', None):
         if not elements.isdigit():
-            raise ValueError(f"--elements is {elements!r}, allowed is a number or 'auto'")
+            raise PlanError(f"--elements is {elements!r}, allowed is a number or 'auto'")
         elements = int(elements)
     records = [run.record for run in runs]
     for run in runs:

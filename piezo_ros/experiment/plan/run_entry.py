@@ -36,6 +36,7 @@ from piezo_ros.experiment.plan.hardware_entry import (
 )
 from piezo_ros.model import ParameterError, RigParameters
 from piezo_ros.parameters.errors import PlanError
+from piezo_ros.parameters.file_lines import with_line
 from piezo_ros.parameters.node_parameters import LOOP_NODES, check_node_parameters
 from piezo_ros.parameters.run import PlannedRun
 
@@ -261,4 +262,5 @@ def checked_parameters(where: str, node: str, values: Mapping[str, Any]) -> dict
             return complete_plant(values)
         return check_node_parameters(node, values)
     except ParameterError as error:
-        raise PlanError(f'{where}: {node}: {error}') from None
+        # A file has `where` alone; a plan names the line itself, see `read_plan`.
+        raise PlanError(f'{with_line(where, values, str(error))}: {node}: {error}') from None
