@@ -185,10 +185,12 @@ def _check_travel(where: str, run: PlannedRun, score_periods: float) -> None:
         return
     offset_um = abs(trajectory.offset_um)
     if not 0.0 < trajectory.amplitude_um <= reach_um - offset_um:
-        beside = f', beside the offset of {offset_um:g} um,' if offset_um else ''
+        beside = (
+            f'; beside the offset of {offset_um:g} um that leaves {reach_um - offset_um:g} um'
+            if offset_um else '')
         raise PlanError(
             f'{where}: amplitude_um is {trajectory.amplitude_um} um, it must be above 0, and '
-            f'the stage travels{beside} {reach_um:g} um to either side of its operating point')
+            f'the stage travels {reach_um:g} um to either side of its operating point{beside}')
 
 
 def _check_motion(where: str, run: PlannedRun, score_periods: float) -> None:
@@ -211,10 +213,12 @@ def _check_table(
     motion = motion_of(trajectory)
     beside_um = abs(trajectory.offset_um)
     if not 0.0 < motion.greatest_um <= plant.reach_um - beside_um:
-        beside = f', beside the offset of {beside_um:g} um,' if beside_um else ''
+        beside = (
+            f'; beside the offset of {beside_um:g} um that leaves {plant.reach_um - beside_um:g} um'
+            if beside_um else '')
         raise MotionTableError(
             f'{file}: it reaches {motion.greatest_um:g} um, it must be above 0, and the stage '
-            f'travels{beside} {plant.reach_um:g} um to either side of its operating point')
+            f'travels {plant.reach_um:g} um to either side of its operating point{beside}')
     trajectory_constants(trajectory)  # says what does not go with its commands
     _check_commands(run, motion, file)
     if plant.slew_limit_v_per_s:
