@@ -177,6 +177,19 @@ def test_it_demagnetises_first():
     assert_safe(PacedDevice.devices[-1])
 
 
+@pytest.mark.parametrize('demagnetise', [True, False])
+def test_a_sensor_that_does_not_follow_the_voltage_ends_the_run(demagnetise):
+    ring = Ring(lookahead_samples=2000, device=PACED, output_channel='stuck 0.25',
+                demagnetise=demagnetise, initialise_levels=3,
+                trajectory={**GENTLE, 'periods': 2.0})
+    readings_um = ring.run()
+    assert len(readings_um) < 400
+    fault = ring.plant.run_state.fault
+    assert 'the sensor shows 0.25 um in 2' in fault
+    assert 'stuck, off or not connected' in fault
+    assert_safe(PacedDevice.devices[-1])
+
+
 def test_a_starved_stream_is_a_fault_with_its_index_and_ends_at_rest():
     ring = Ring(device=PACED, prefill_samples=20, read_samples=5, lookahead_samples=60,
                 trajectory={**GENTLE, 'periods': 5.0})

@@ -17,7 +17,7 @@ A device with a clock: the simulated one, played by the wall clock, with a log o
 
 As ``device: paced_device:PacedDevice``; ``address`` is the file that the output is logged to, as
 float64, and ``output_channel`` may be ``held VOLTAGE`` for what it holds at first, or
-``gone AFTER_READS``.
+``gone AFTER_READS``, or ``stuck READING``.
 """
 
 import time
@@ -42,6 +42,7 @@ class PacedDevice:
         if word == 'held':
             own['held_v'] = float(number)
         self._reads_left = int(number) if word == 'gone' else None
+        self._stuck_um = float(number) if word == 'stuck' else None
         self._inner = SimulatedDevice(SimulatedDeviceParameters(**own), compiled=False)
         self.constraints = self._inner.constraints
         self._file = values['address']
@@ -98,7 +99,12 @@ class PacedDevice:
         self._alive()
         readings_um = self._inner.play(voltage_v)
         self._log(voltage_v)
-        return readings_um
+        return self._shown(readings_um)
+
+    def _shown(self, readings_um):
+        if self._stuck_um is None:
+            return readings_um
+        return np.full_like(readings_um, self._stuck_um)
 
     def start(self, prefill_v):
         self._alive()
@@ -143,7 +149,7 @@ class PacedDevice:
         if last > len(self._stream_v):
             raise self._ran_dry()
         self._fetched += samples
-        readings_um = self._inner.read(samples)
+        readings_um = self._shown(self._inner.read(samples))
         if self._is_finished and self._fetched == len(self._stream_v) + 1:
             self._tick()
             self._stream_v = None

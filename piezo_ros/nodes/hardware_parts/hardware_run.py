@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from piezo_ros.nodes.hardware_parts.clocked_run import ClockedRun
 from piezo_ros.nodes.hardware_parts.on_demand_run import OnDemandRun
+from piezo_ros.nodes.hardware_parts.sensor_watch import SensorWatch
 from piezo_ros.nodes.hardware_parts.stage_output import StageOutput
 from piezo_ros.parameters.hardware_parameters import HardwareParameters
 
@@ -67,12 +68,13 @@ class HardwareRun:
         self._preparation: Iterator[None] = self._prepare()
         self._is_prepared = False
         self._began_s: float | None = None
+        self._sensor = SensorWatch(hardware.reach_v)
 
     def _prepare(self) -> Iterator[None]:
         self._output.come_to_rest()
         yield
         if self._hardware.demagnetise:
-            yield from self._output.demagnetise()
+            yield from self._output.demagnetise(SensorWatch(self._hardware.reach_v))
 
     def prepare(self) -> bool:
         """Do one step on the way to the start of the run; return whether there was one left."""
@@ -97,16 +99,27 @@ class HardwareRun:
         assert self._played is not None  # before the first block the run was opened
         if voltage_v.size:
             self._played.accept(voltage_v)
+            self._sensor.play(voltage_v)
         if is_last:
             self._played.end()
 
     def advance(self) -> NDArray[np.float64] | None:
-        """Return what `ClockedRun.advance` returns; None before the run was opened."""
+        """
+        Return what `ClockedRun.advance` returns; None before the run was opened.
+
+        Raises
+        ------
+        DeviceError
+            As there, and if the sensor does not follow the voltage.
+
+        """
         played = self._played
         if played is None or played.is_over:
             return None
         now_s = time.perf_counter()
         readings_um = played.advance()
+        if readings_um is not None:
+            self._sensor.check(readings_um)
         if readings_um is not None and self._began_s is None:
             self._began_s = now_s
         if played.is_over and self._began_s is not None:

@@ -28,6 +28,7 @@ from piezo_ros.hardware.limits import DriveLimits
 from piezo_ros.hardware.ramp import ramp_voltage
 from piezo_ros.model import ParameterError, RigParameters
 from piezo_ros.nodes.hardware_parts.block_check import BlockCheck
+from piezo_ros.nodes.hardware_parts.sensor_watch import SensorWatch
 from piezo_ros.parameters.hardware_parameters import HardwareParameters
 from piezo_ros.parameters.node_parameters import InitialiseParameters
 from piezo_ros.parameters.parameter_file import read_parameter_set
@@ -129,7 +130,7 @@ class StageOutput:
             self.device.ramp_to(0.0, self._slew_v_per_s)
         self.held_v = self.held_after_v = self.device.hold()
 
-    def demagnetise(self) -> Iterator[None]:
+    def demagnetise(self, sensor: SensorWatch) -> Iterator[None]:
         """Drive the decaying triangle and wait at rest; each step may be the last."""
         device = self.opened
         voltage_v = np.fromiter(demagnetising_voltage(
@@ -142,8 +143,10 @@ class StageOutput:
         chunk = min(max(1, round(_CHUNK_S / self._period_s)), most)
         for first in range(0, voltage_v.size, chunk):
             block_v = voltage_v[first:first + chunk]
-            device.play(block_v)
+            displacement_um = device.play(block_v)
             self.held_v = float(block_v[-1])
+            sensor.play(block_v)
+            sensor.check(displacement_um[1:])
             yield
 
     def describe_triangle(self) -> str:
@@ -168,7 +171,7 @@ class StageOutput:
         self.open()
         try:
             self.come_to_rest()
-            for _ in self.demagnetise():
+            for _ in self.demagnetise(SensorWatch(self._hardware.reach_v)):
                 pass
         finally:
             self.leave()

@@ -27,6 +27,7 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from std_msgs.msg import Float64MultiArray
 
 from piezo_ros.runtime.node.hooks import NodeHooks
@@ -94,7 +95,7 @@ class Relay:
             Index of the sample that the element counts as its sample 0.
 
         """
-        self._first, self._beside, self._origin = first, beside, origin
+        self._first, self._beside, self._origin = first, np.ascontiguousarray(beside), origin
         self._node.quick = self._look
 
     def end(self) -> bool:
@@ -112,14 +113,16 @@ class Relay:
         # Late, for a node that is not compiled does without numba.
         from piezo_ros.runtime.node.relay_kernel import relay_kernel
         take_message, message_type = reader.subscription.handle.take_message, Float64MultiArray
-        answer, memory = relay_kernel(element.sample_step), element.memory
+        memory = element.memory
         expected = np.frombuffer(reader.example(), np.uint8)
         message, copy = writer.message, writer.copy
         own = np.frombuffer(message, np.uint8)
         recent = copy.recent if copy else np.zeros(1)
-        publish, sched_yield, node = writer.outlet.publish, os.sched_yield, self._node
+        publish, outlet = writer.outlet.publish_raw, writer.outlet
+        sched_yield, node = os.sched_yield, self._node
         # Loaded, or compiled, before the first sample.
-        answer(b'', expected, own, recent, memory, self._beside, 0, 0, 0, 0)
+        answer = relay_kernel(
+            element.sample_step, b'', expected, own, recent, memory, self._beside, 0, 0, 0, 0)
 
         def look(times: int) -> bool:
             taken = take_message(message_type, True)
@@ -135,7 +138,10 @@ class Relay:
                 index - self._origin, index, answer_index,
             ):
                 reader.next_index = index + 1
-                publish(message, answer_index)
+                try:
+                    publish(message)
+                except _rclpy.RCLError:
+                    outlet.publish_patiently(message, answer_index)
                 writer.next_index = answer_index = answer_index + 1
                 if copy and answer_index == copy.due:
                     copy.flush(answer_index)

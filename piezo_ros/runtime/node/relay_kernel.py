@@ -21,9 +21,10 @@ samples.
 
 from collections.abc import Callable
 from functools import cache
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
+from numba import typeof
 
 from piezo_ros.model.compiled import brief_kernel
 from piezo_ros.model.step import step
@@ -76,9 +77,27 @@ def _is_next(raw: Any, expected: Any, index: int) -> bool:
     return is_next
 
 
+def relay_kernel(sample_step: Callable[..., float], *arguments: Any) -> Callable[..., bool]:
+    """
+    Return the compiled answer of an element from message to message.
+
+    It takes arguments of the types of these alone, arrays contiguous: to look at the types of each
+    call costs as much as the call.
+
+    Parameters
+    ----------
+    sample_step : callable
+        The marked step of the element.
+    *arguments
+        Those of a call.
+
+    """
+    types = tuple(map(typeof, arguments))
+    return cast('Callable[..., bool]', _kernel(sample_step).compile(types))
+
+
 @cache
-def relay_kernel(sample_step: Callable[..., float]) -> Callable[..., bool]:
-    """Return the compiled answer of an element from message to message."""
+def _kernel(sample_step: Callable[..., float]) -> Any:
 
     @brief_kernel
     def relay(
