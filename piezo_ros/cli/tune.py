@@ -196,6 +196,9 @@ def _tune(options: argparse.Namespace) -> int:
         print()
         print(operating_points_text(points, options))
     print(f'gains: {options.output}')
+    print(
+        f'next: name {options.output} in the parameter_files of a plan, or try it on a recording: '
+        f'piezo replay BAG --controller {options.output}')
     return 0
 
 

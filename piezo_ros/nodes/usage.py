@@ -15,6 +15,7 @@
 """What a node executable answers to ``--help``, and to words that it does not know."""
 
 import dataclasses
+import os
 import sys
 import textwrap
 from collections.abc import Sequence
@@ -59,15 +60,25 @@ def answer_usage(roles: Sequence[str], arguments: Sequence[str]) -> int | None:
         return None  # rclpy says what is wrong as it starts.
     name = roles[0] if len(roles) == 1 else 'loop'
     if any(word in _HELP for word in words):
-        print(_help(name, roles))
+        _print(_help(name, roles))
         return 0
     if words:
+        example = words[0] if ':=' in words[0] else 'linger_s:=5.0'
         print(
             f'{name}: unknown argument {words[0]!r}; parameters follow --ros-args, as in\n'
-            f'    {name} --ros-args -p linger_s:=5.0\n'
+            f'    {name} --ros-args -p {example}\n'
             f'`{name} --help` lists them', file=sys.stderr)
         return 2
     return None
+
+
+def _print(text: str) -> None:
+    """Print a text, of which a reader such as `head` may take a part."""
+    try:
+        print(text, flush=True)
+    except BrokenPipeError:
+        # What is left would be written once more as Python ends.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _help(name: str, roles: Sequence[str]) -> str:

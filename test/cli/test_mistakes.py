@@ -204,8 +204,9 @@ SLOW_COMMANDS = [
     ('identify dynamics -o m.yaml', 2, ['no BAG is given, and no --from-response FILE']),
     ('identify dynamics bag -o m.yaml --structure rational', 2, ['needs --orders NUM DEN']),
     ('identify dynamics bag -o m.yaml --fit-delay', 2, ['--fit-delay belongs to --orders']),
-    ('plan rig.yaml --compensator compensator.yaml --plant rig.yaml --amplitude-um 1 '
-     '--frequency-hz 300 -o scan.yaml', 2, ['rig.yaml has no section for trajectory']),
+    ((
+        'plan rig.yaml --compensator compensator.yaml --plant rig.yaml --amplitude-um 1 '
+        '--frequency-hz 300 -o scan.yaml'), 2, ['rig.yaml has no section for trajectory']),
     ('plan trajectory.yaml --compensator compensator.yaml --plant rig.yaml -o scan.yaml', 2, [
         'either --amplitude-um and --frequency-hz, or --motion']),
 ]

@@ -106,7 +106,7 @@ def add_verdict_arguments(kind: argparse.ArgumentParser) -> None:
 def identify(
     make: Callable[[argparse.Namespace, list[_Source]], Identified], options: argparse.Namespace,
     *, read: Callable[[Recording, int, int], _Source] = Recording.part,  # type: ignore[assignment]
-    further_suffixes: tuple[str, ...] = (), hysteresis: bool = False,
+    further_suffixes: tuple[str, ...] = (), hysteresis: bool = False, next_step: str = '',
 ) -> int:
     """
     Read the bags, make a model of them, write its files and return the exit code.
@@ -124,6 +124,8 @@ def identify(
         by default.
     hysteresis : bool, optional
         Whether voltage and displacement are all that is wanted, up to their first gap.
+    next_step : str, optional
+        Command that uses the model, with ``{model}`` in place of its file.
 
     """
     outputs = [options.output, *(
@@ -144,6 +146,8 @@ def identify(
         print(f'piezo: {failure_text(error)}', file=sys.stderr)
         return EXIT_FAILED
     print(f'model: {", ".join(map(str, files))}')
+    if next_step:
+        print(f'next: {next_step.format(model=options.output)}')
     lost = [f'{run.path}: {loss}' for run in runs for loss in run.lost]
     for loss in lost:
         print(f'piezo: {loss}', file=sys.stderr)

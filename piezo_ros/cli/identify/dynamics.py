@@ -72,7 +72,8 @@ def add_kind(kinds: Any) -> None:
     add_place_arguments(kind)
     add_verdict_arguments(kind)
     kind.set_defaults(function=lambda options: identify(
-        _make, options, further_suffixes=(TABLE_SUFFIX,)))
+        _make, options, further_suffixes=(TABLE_SUFFIX,),
+        next_step='piezo tune {model} -o controller.yaml'))
 
 
 def _make(options: argparse.Namespace, runs: list[Run]) -> Identified:

@@ -55,6 +55,8 @@ class ReducedRun(NamedTuple):
         Sentences that name the losses.
     record : Record
         Voltage and displacement.
+    waveform : str
+        What the bag says of its waveform, '' where it does not.
 
     """
 
@@ -62,6 +64,7 @@ class ReducedRun(NamedTuple):
     sample_period_s: float
     lost: tuple[str, ...]
     record: Record
+    waveform: str = ''
 
 
 def add_kind(kinds: Any) -> None:
@@ -88,6 +91,7 @@ def add_kind(kinds: Any) -> None:
     add_verdict_arguments(kind)
     kind.set_defaults(function=lambda options: identify(
         _make, options, hysteresis=True,
+        next_step='piezo identify dynamics BAG --compensator {model} -o trajectory.yaml',
         read=lambda recording, start, stop: reduced_run(
             recording, start, stop, virgin=not options.used, every=options.every)))
 
@@ -146,7 +150,9 @@ def reduced_run(
             blocks(), stop - start, virgin=virgin, every=every)
     except ValueError as error:
         raise ValueError(f'{recording.path}: {error}') from None
-    return ReducedRun(recording.path, recording.sample_period_s, tuple(lost), record)
+    return ReducedRun(
+        recording.path, recording.sample_period_s, tuple(lost), record,
+        recording.metadata.get('waveform', ''))
 
 
 def _make(options: argparse.Namespace, runs: list[ReducedRun]) -> Identified:
@@ -158,6 +164,11 @@ def _make(options: argparse.Namespace, runs: list[ReducedRun]) -> Identified:
         elements = int(elements)
     records = [run.record for run in runs]
     for run in runs:
+        if run.waveform not in ('', 'decreasing_triangle'):
+            print(
+                f'piezo: warning: {run.path} was recorded with the waveform {run.waveform}; a '
+                'slow decreasing_triangle is wanted, of which every amplitude is passed once',
+                file=sys.stderr)
         if run.record.lost:
             print(f'left out of {run.path.name}: {run.record.lost} samples that are no numbers')
     fit = fit_hysteresis_records(

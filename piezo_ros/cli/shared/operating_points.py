@@ -150,6 +150,11 @@ def operating_points_text(
         lines.append(
             f'{f"{amplitude_um:g} um":>10}' + ''.join(f'{_cell(point):>15}' for point in row)
             + f'{f"{acceptable_hz:.4g} Hz" if acceptable_hz else "–":>14}')
+    if any(
+            point.scheme == 'fbff' and not dict(zip(*table, strict=True))[point.amplitude_um]
+            for point in points):
+        lines.append(
+            '– nowhere from 0 Hz on: where a cell of that row says fbff, scheme auto takes ff')
     lines += ['', *_interval_lines(points, frequencies_hz, options), *_place_lines(points)]
     return '\n'.join(lines)
 

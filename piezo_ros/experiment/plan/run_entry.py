@@ -172,7 +172,11 @@ def _name(run: PlannedRun, number: int) -> str:
     trajectory = run.trajectory
     scheme = 'bare' if run.bare else run.controller.scheme
     amplitude = f'{trajectory.amplitude_v:g}v' if run.bare else f'{trajectory.amplitude_um:g}um'
-    return f'{number:03d}_{scheme}_{trajectory.waveform}_{amplitude}_{trajectory.frequency_hz:g}hz'
+    unit = 'v' if run.bare else 'um'
+    about = f'_about_{trajectory.offset:g}{unit}' if trajectory.offset else ''
+    return (
+        f'{number:03d}_{scheme}_{trajectory.waveform}_{amplitude}{about}_'
+        f'{trajectory.frequency_hz:g}hz')
 
 
 def _check_travel(where: str, run: PlannedRun, score_periods: float) -> None:
