@@ -33,6 +33,10 @@ from piezo_ros.parameters.node_parameters import (
 __all__ = ['answer_usage']
 
 _HELP = ('-h', '--help')
+_ASSIGNING = ('-p', '--param', '-r', '--remap')
+_WITH_VALUE = (
+    *_ASSIGNING, '--params-file', '-e', '--enclave', '--log-level', '--log-config-file',
+    '--log-file-name')
 _INDENT = ' ' * 8
 _WIDTH = 100
 
@@ -54,11 +58,14 @@ def answer_usage(roles: Sequence[str], arguments: Sequence[str]) -> int | None:
         Exit code: 0 after help, 2 after a refusal; None where the nodes shall run.
 
     """
+    name = roles[0] if len(roles) == 1 else 'loop'
+    if wrong := _misplaced(arguments):
+        print(f'{name}: {wrong}; `{name} --help` lists the parameters', file=sys.stderr)
+        return 2
     try:
         _, *words = remove_ros_args(list(arguments))
     except RuntimeError:
         return None  # rclpy says what is wrong as it starts.
-    name = roles[0] if len(roles) == 1 else 'loop'
     if any(word in _HELP for word in words):
         _print(_help(name, roles))
         return 0
@@ -70,6 +77,24 @@ def answer_usage(roles: Sequence[str], arguments: Sequence[str]) -> int | None:
             f'`{name} --help` lists them', file=sys.stderr)
         return 2
     return None
+
+
+def _misplaced(arguments: Sequence[str]) -> str:
+    """Return what to say of the first word for ROS that is no option and no assignment."""
+    is_for_ros, flag = False, ''
+    for word in arguments:
+        if word in ('--ros-args', '--'):
+            is_for_ros, flag = word == '--ros-args', ''
+        elif not is_for_ros:
+            continue
+        elif flag in _ASSIGNING and ':=' not in word:
+            return f'{flag} {word} assigns nothing, it must be {flag} NAME:=VALUE'
+        elif flag not in _WITH_VALUE and not word.startswith('-'):
+            return f'unknown argument {word!r} behind --ros-args' + (
+                f', did you mean -p {word}?' if ':=' in word else '')
+        # The value of an option is none itself.
+        flag = '' if flag in _WITH_VALUE else word
+    return ''
 
 
 def _print(text: str) -> None:
