@@ -24,6 +24,7 @@ NOT_MEASURED := test/live/test_stop.py::test_ctrl_c_at_any_moment_of_the_start_l
 # A second call finds the stamp and is instant; another ROS has another stamp.
 ROS := $(or $(DISTRO),default)-$(or $(ROS_DISTRO),wheels)
 DEMO_READY := $(VENV)/.stamp-demo-$(ROS)
+DOCS_READY := $(VENV)/.stamp-docs-$(ROS)
 IMAGE_READY := $(VENV)/.stamp-image-$(ROS)
 TEST_READY := $(VENV)/.stamp-test-$(ROS)
 METADATA := setup.py setup.cfg .ci/setup-venv
@@ -68,7 +69,7 @@ test: $(TEST_READY)  ## style, types, tiers (test_lint.py), all other tests but 
 			"$$($(BIN)/coverage report --format=total) %"; \
 	else echo 'Coverage is measured here from Python 3.12 on, by make coverage on any.'; fi
 
-test-slow: $(TEST_READY)  ## the tests marked slow: long ones, more cases of what quick ones hold
+test-slow: $(TEST_READY) $(DOCS_READY)  ## the tests marked slow: long ones, more cases of what quick ones hold
 	$(PYTEST) -m slow $(PYTEST_ARGS)
 
 test-matrix:  ## all tests on Jazzy and Kilted, Python 3.10 and 3.12, newest and oldest versions: hours
@@ -84,20 +85,25 @@ lint: $(TEST_READY)  ## style, types and tiers alone
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-docs: $(DEMO_READY)  ## print docs/parameters.md and docs/launch.md from the code
+docs: $(DOCS_READY)  ## the documentation as a site, docs/_build/html; prints parameters.md and launch.md
 	$(BIN)/python -m piezo_ros.reference_pages docs
+	$(BIN)/sphinx-build -W --keep-going -b html docs docs/_build/html
 
 outputs: $(DEMO_READY)  ## print what docs/your-own-stage.md shows, by the commands that it names
 	$(BIN)/python test/support/printed_outputs.py
 
 clean:  ## remove .venv and .matrix, what was built and what tools cached; out/ stays
-	rm -rf $(VENV) .matrix build dist install log *.egg-info
+	rm -rf $(VENV) .matrix build dist install log *.egg-info docs/_build docs/generated
 	rm -rf .coverage .coverage.* .hypothesis .import_linter_cache .mypy_cache .pytest_cache .ruff_cache
 	find $(wildcard piezo_ros benchmarks launch test) -name __pycache__ -prune -exec rm -rf {} +
 
 $(DEMO_READY): $(METADATA)
 	$(SETUP_VENV)
 	@touch $@
+
+$(DOCS_READY): $(METADATA)
+	$(SETUP_VENV) docs
+	@touch $@ $(DEMO_READY)
 
 $(IMAGE_READY): $(METADATA)
 	$(SETUP_VENV) images

@@ -100,9 +100,25 @@ setup(
     description=(
         'Feedback/feedforward control of a hysteresis-compensated piezoelectric actuator '
         'as lockstep ROS 2 nodes'),
+    long_description=(HERE / 'README.md').read_text(encoding='utf-8'),
+    long_description_content_type='text/markdown',
     maintainer='piezo_ros maintainers',
     maintainer_email='maintainers@example.com',
     license='Apache-2.0',
+    keywords=[
+        'piezo', 'nanopositioning', 'hysteresis', 'feedforward', 'system identification', 'ROS 2',
+        'atomic force microscopy'],
+    classifiers=[
+        'Intended Audience :: Science/Research',
+        'Operating System :: OS Independent',
+        'Operating System :: POSIX :: Linux',
+        'Programming Language :: Python :: 3.10',
+        'Programming Language :: Python :: 3.11',
+        'Programming Language :: Python :: 3.12',
+        'Programming Language :: Python :: 3.13',
+        'Topic :: Scientific/Engineering',
+        'Typing :: Typed',
+    ],
     python_requires='>=3.10',
     packages=find_packages(include=[PACKAGE, f'{PACKAGE}.*']),
     # Named one by one: the caches that numba leaves beside the modules are of this machine alone.
@@ -118,6 +134,7 @@ setup(
     # The oldest are what Ubuntu 22.04 brings, or the first with wheels for Python 3.10; as they
     # stand here, `make test-matrix` installs and tests them (.ci/requirements).
     install_requires=[
+        'argcomplete>=2.0.0',
         'clarabel>=0.6.0',
         'control>=0.9.4',
         'jinja2>=3.0.3',
@@ -135,12 +152,24 @@ setup(
         **ROS_WHEELS,
         # piezo sweep --engine dask, and its results as Parquet.
         'dask': ['distributed>=2024.1', 'pyarrow>=14'],
+        # piezo bag import and export: MATLAB 7.3 and HDF5, TDMS, Parquet. The rest needs nothing.
+        'data': ['h5py>=3.7', 'npTDMS>=1.6', 'pyarrow>=14'],
         # Images of scans as Gwyddion files.
         'images': ['gwyfile>=0.2'],
         # A stage behind a card of National Instruments, or a controller on a serial port. nidaqmx
         # needs a newer NumPy than the oldest above: the tests of the oldest go without it.
         'ni': ['grpcio>=1.49', 'nidaqmx[grpc]>=1.0.2'],
         'gcs': ['pyserial>=3.5'],
+        # The site of the documentation: make docs.
+        'docs': [
+            'ipykernel',
+            'myst-nb>=1.1',
+            'numpydoc>=1.7',
+            'pydata-sphinx-theme>=0.15',
+            'sphinx>=7.2',
+            'sphinx-copybutton>=0.5',
+            'sphinx-gallery>=0.17',
+        ],
         'test': [
             # Both with the Chromium of the distribution: apt-get install chromium.
             'axe-playwright-python>=0.1.4',
@@ -149,10 +178,12 @@ setup(
             'colcon-common-extensions',
             'distributed>=2024.1',
             'gwyfile>=0.2',
+            'h5py>=3.7',
             'hypothesis>=6.100',
             'import-linter>=2',
             'mcap-ros2-support>=0.5',
             'mypy>=1.13',
+            'npTDMS>=1.6',
             'pyarrow>=14',
             'pyserial>=3.5',
             # pytest 9 breaks launch_testing's plug-in where a sourced ROS brings it in.

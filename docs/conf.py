@@ -12,29 +12,29 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What Sphinx needs beside what rosdoc2 sets, which runs this file within a conf.py of its own."""
+"""
+Settings of Sphinx for the documentation: `make docs`, or `sphinx-build docs build/docs`.
 
-import re
+rosdoc2 runs this file within a conf.py of its own, on a copy of docs/, and with the extensions that
+are installed there.
+"""
+
+import os
+import sys
 from importlib.util import find_spec
+from pathlib import Path
 
-extensions = ['sphinx.ext.mathjax', 'sphinx.ext.napoleon']
+HERE = Path(__file__).resolve().parent
+sys.path.insert(0, str(HERE / '_ext'))
+if (HERE.parent / 'piezo_ros').is_dir():
+    sys.path.insert(0, str(HERE.parent))
+# The folder of README.md and of the sources, also where docs/ was copied elsewhere.
+repository = str(Path(find_spec('piezo_ros').origin).parents[1])
 
-napoleon_google_docstring = False
-napoleon_use_rtype = False
-# Attributes as fields of their class: autodoc finds most of them too, and one is enough.
-napoleon_use_ivar = True
-
-# A heading of a Markdown page can be linked to.
-myst_heading_anchors = 4
-
-# A type that a package offers too has two pages; either will do.
-suppress_warnings = ['ref.python']
-
-# What rosdoc2 cannot tell by the names of the dependencies in package.xml; our folder launch/ looks
-# like the package of that name.
-_ASKED_BY = {
-    'control': 'control', 'launch': 'launch.actions', 'lz4': 'lz4', 'mcap': 'mcap',
-    'zstandard': 'zstandard'}
+project = 'piezo_ros'
+project_copyright = '2026, piezo_ros maintainers'
+author = 'piezo_ros maintainers'
+release = version = '0.1.0'
 
 
 def _is_there(name):
@@ -44,25 +44,76 @@ def _is_there(name):
         return False
 
 
+_NUMPYDOC = 'numpydoc' if _is_there('numpydoc') else 'sphinx.ext.napoleon'
+_MARKDOWN = 'myst_nb' if _is_there('myst_nb') else 'myst_parser'
+extensions = [
+    'sphinx.ext.autodoc', 'sphinx.ext.autosummary', _NUMPYDOC, _MARKDOWN,
+    *filter(_is_there, ['sphinx_gallery.gen_gallery', 'sphinx_copybutton']),
+    'api_pages', 'command_line', 'docstrings', 'repository_pages']
+rosdoc2_settings = {'allow_other_extensions': True, 'override_theme': False}
+
+root_doc = 'index'
+exclude_patterns = [
+    '_build', 'gallery', 'sg_execution_times.rst', '**/.ipynb_checkpoints',
+    # Beside the pages of the gallery, for download.
+    'generated/gallery/*.ipynb']
+templates_path = ['_templates']
+
+# API pages: one for each module, one for each name that a package offers.
+autosummary_generate = True
+autosummary_ignore_module_all = False
+autosummary_imported_members = True
+autodoc_member_order = 'bysource'
+autodoc_typehints = 'none'
+autodoc_default_options = {'show-inheritance': True}
+numpydoc_show_class_members = False
+numpydoc_validation_checks = set()
+# What is not installed is stood in for; our folder launch/ looks like the package of that name.
+_ASKED_BY = {
+    'ament_index_python': 'ament_index_python', 'control': 'control',
+    'diagnostic_msgs': 'diagnostic_msgs', 'launch': 'launch.actions', 'launch_ros': 'launch_ros',
+    'lifecycle_msgs': 'lifecycle_msgs', 'lz4': 'lz4', 'mcap': 'mcap',
+    'rcl_interfaces': 'rcl_interfaces', 'rclpy': 'rclpy', 'rosgraph_msgs': 'rosgraph_msgs',
+    'sensor_msgs': 'sensor_msgs', 'std_msgs': 'std_msgs', 'std_srvs': 'std_srvs',
+    'zstandard': 'zstandard'}
 autodoc_mock_imports = [name for name, asked in _ASKED_BY.items() if not _is_there(asked)]
+# A type that a package offers too has two pages; either will do.
+suppress_warnings = ['ref.python']
 
-# What is code already, or a bar that stands for no more than itself.
-_CODE_OR_BAR = re.compile(r'``.*?``|`[^`]*`|\|')
+# A heading of a Markdown page can be linked to.
+myst_heading_anchors = 4
+myst_enable_extensions = ['colon_fence', 'deflist', 'dollarmath']
 
+# Notebooks are run as the site is built, and an error in one ends the build.
+nb_execution_mode = 'cache'
+nb_execution_raise_on_error = True
+nb_execution_timeout = 900
+# A kernel that does not warn of its own transport, which is that of this machine.
+os.environ['JUPYTER_PATH'] = str(HERE / '_ext' / 'jupyter')
 
-def keep_bars(app, what, name, object_, options, lines):
-    """Keep |S| an absolute value: reStructuredText would look for a substitution of that name."""
-    lines[:] = [
-        _CODE_OR_BAR.sub(lambda found: r'\|' if found[0] == '|' else found[0], line)
-        for line in lines]
+sphinx_gallery_conf = {
+    'examples_dirs': 'gallery',
+    'gallery_dirs': 'generated/gallery',
+    'filename_pattern': r'/plot_',
+    'abort_on_example_error': True,
+    'download_all_examples': False,
+    'remove_config_comments': True,
+    'show_memory': False,
+}
 
-
-def skip_namesakes(app, what, name, object_, skip, options):
-    """Leave a function that its package offers too to the page of the module it has its name of."""
-    return True if getattr(object_, '__module__', '') == f'{app.env.docname}.{name}' else None
-
-
-def setup(app):
-    """Have docstrings changed as they are read, once napoleon has done its part."""
-    app.connect('autodoc-skip-member', skip_namesakes)
-    app.connect('autodoc-process-docstring', keep_bars, priority=900)
+html_theme = 'pydata_sphinx_theme' if _is_there('pydata_sphinx_theme') else 'alabaster'
+html_title = 'piezo_ros'
+html_static_path = ['_static']
+html_css_files = ['site.css']
+html_theme_options = {
+    'navigation_with_keys': False,
+    'show_toc_level': 2,
+    'header_links_before_dropdown': 6,
+    'footer_start': ['copyright'],
+    'footer_end': [],
+    'collapse_navigation': True,
+    'navigation_depth': 3,
+} if html_theme == 'pydata_sphinx_theme' else {}
+html_sidebars = {'index': [], 'generated/api/*': []}
+html_show_sourcelink = False
+html_copy_source = False

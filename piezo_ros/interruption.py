@@ -41,7 +41,9 @@ __all__ = [
 ]
 
 # What asks a process to end: Ctrl-C, a manager of processes, a terminal that is closed.
-STOP_SIGNALS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+# Windows has no such terminals.
+_HANG_UP: Final = (signal.SIGHUP,) if hasattr(signal, 'SIGHUP') else ()
+STOP_SIGNALS: Final = (signal.SIGINT, signal.SIGTERM, *_HANG_UP)
 _TERMINAL_FILES: Final = (0, 1, 2)
 
 
@@ -80,7 +82,8 @@ def remembering_interruption() -> Iterator[Interruption]:
     defaults outside of the main thread, where no handler can be set.
     """
     interruption = Interruption()
-    defaults = {signal.SIGINT: signal.default_int_handler, signal.SIGHUP: signal.SIG_DFL}
+    defaults = {
+        signal.SIGINT: signal.default_int_handler, **dict.fromkeys(_HANG_UP, signal.SIG_DFL)}
     replaced = {}
     if threading.current_thread() is threading.main_thread():
         replaced = {
@@ -119,7 +122,7 @@ def interruptible() -> Iterator[None]:
 def set_stop_handler(handler: Callable[[int, FrameType | None], object] | signal.Handlers) -> None:
     """Set the handler of all stop signals; SIGHUP stays ignored where nohup has ignored it."""
     for number in STOP_SIGNALS:
-        if number != signal.SIGHUP or signal.getsignal(number) is not signal.SIG_IGN:
+        if number not in _HANG_UP or signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, handler)
 
 

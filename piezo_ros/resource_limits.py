@@ -19,8 +19,12 @@ more. Hence a limit that is too small is refused before these are loaded.
 """
 
 import errno
-import resource
 from typing import Final
+
+try:
+    import resource
+except ImportError:  # not on Windows, which has no such limits
+    resource = None  # type: ignore[assignment]
 
 __all__ = ['COMMAND_BYTES', 'GRAPH_BYTES', 'limit_behind', 'memory_limit', 'memory_problem']
 
@@ -30,17 +34,25 @@ COMMAND_BYTES: Final = 700 << 20
 GRAPH_BYTES: Final = 2 << 30  # with the middleware; the composed loop is the largest
 _MEBIBYTE: Final = 1 << 20
 _MEMORY_LIMITS: Final = (
-    (resource.RLIMIT_AS, 'address space', 'ulimit -v'),
-    (resource.RLIMIT_DATA, 'data segment', 'ulimit -d'),
+    ('RLIMIT_AS', 'address space', 'ulimit -v'),
+    ('RLIMIT_DATA', 'data segment', 'ulimit -d'),
 )
+
+
+def _limit(name: str) -> int | None:
+    """Return a limit of this process, None where there is none."""
+    number = getattr(resource, name, None)
+    if number is None:
+        return None
+    limit = resource.getrlimit(number)[0]
+    return None if limit == resource.RLIM_INFINITY else limit
 
 
 def memory_limit() -> str:
     """Return a text for the limits on the memory of this process; '' for none."""
     return ', '.join(
         f'{what} of at most {limit / _MEBIBYTE:.0f} MiB ({command})'
-        for number, what, command in _MEMORY_LIMITS
-        if (limit := resource.getrlimit(number)[0]) != resource.RLIM_INFINITY)
+        for name, what, command in _MEMORY_LIMITS if (limit := _limit(name)) is not None)
 
 
 def memory_problem(needed_bytes: int) -> str:
@@ -53,8 +65,8 @@ def memory_problem(needed_bytes: int) -> str:
         `COMMAND_BYTES` or `GRAPH_BYTES`.
 
     """
-    limit = resource.getrlimit(resource.RLIMIT_AS)[0]
-    if limit == resource.RLIM_INFINITY or limit >= needed_bytes:
+    limit = _limit('RLIMIT_AS')
+    if limit is None or limit >= needed_bytes:
         return ''
     return (
         f'a process has an {memory_limit()}, at least {needed_bytes / _MEBIBYTE:.0f} MiB are '
@@ -65,8 +77,7 @@ def limit_behind(error: BaseException) -> str:
     """Return the limit that may have caused an error, as the end of a sentence; '' for none."""
     if isinstance(error, MemoryError) and memory_limit():
         return f'; a process has an {memory_limit()}'
-    size = resource.getrlimit(resource.RLIMIT_FSIZE)[0]
-    if isinstance(error, OSError) and error.errno == errno.EFBIG and (
-            size != resource.RLIM_INFINITY):
+    size = _limit('RLIMIT_FSIZE')
+    if isinstance(error, OSError) and error.errno == errno.EFBIG and size is not None:
         return f'; a file may have at most {size} bytes (ulimit -f)'
     return ''

@@ -57,6 +57,8 @@ def temporary_directory() -> Path:
         If there is no place for temporary files.
 
     """
+    if not hasattr(os, 'getuid'):  # Windows, where temporary files are those of the user
+        return Path(tempfile.mkdtemp(prefix='piezo_ros-'))
     directory = Path(tempfile.gettempdir()) / f'piezo_ros-{os.getuid()}'
     try:
         directory.mkdir(mode=0o700, exist_ok=True)

@@ -20,9 +20,12 @@ from pathlib import Path
 import pytest
 
 REPOSITORY = Path(__file__).resolve().parents[1]
+DOCS = REPOSITORY / 'docs'
+# What `make docs` made is no part of the sources.
+MADE = (DOCS / '_build', DOCS / 'generated')
 DOCUMENTS = sorted([
     *REPOSITORY.glob('*.md'), REPOSITORY / 'benchmarks' / 'README.md',
-    *(REPOSITORY / 'docs').rglob('*.md')])
+    *(path for path in DOCS.rglob('*.md') if not {*MADE} & {*path.parents})])
 _CODE = re.compile(r'^```.*?^```$|^    .*?$|`[^`\n]*`', re.MULTILINE | re.DOTALL)
 # [text](target), the text over one line or several, and a picture.
 _LINK = re.compile(r'\[[^\[\]]*\]\(\s*([^()\s]+)\s*\)')

@@ -36,6 +36,7 @@ EXECUTABLES = [
 THIRD_PARTY = {
     # matplotlib brings Pillow.
     'PIL': ('matplotlib', 'python3-matplotlib'),
+    'argcomplete': ('argcomplete', 'python3-argcomplete'),
     'control': ('control', 'python-control-pip'),
     'jinja2': ('jinja2', 'python3-jinja2'),
     # mcap-ros2-support brings mcap, and that lz4 and zstandard.
@@ -53,8 +54,8 @@ THIRD_PARTY = {
 }
 # Name in an import statement -> extra that brings it; what does without says so.
 OPTIONAL = {
-    'distributed': 'dask', 'grpc': 'ni', 'gwyfile': 'images', 'nidaqmx': 'ni', 'pyarrow': 'dask',
-    'serial': 'gcs'}
+    'distributed': 'dask', 'grpc': 'ni', 'gwyfile': 'images', 'h5py': 'data', 'nidaqmx': 'ni',
+    'nptdms': 'data', 'pyarrow': 'data', 'serial': 'gcs'}
 # Names on PyPI where they are others.
 DISTRIBUTIONS = {'grpc': 'grpcio', 'serial': 'pyserial'}
 # Without a key in rosdep; what does without says so.

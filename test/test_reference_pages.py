@@ -30,7 +30,9 @@ from piezo_ros.reference_pages import PAGES, main
 
 ROOT = Path(__file__).parents[1]
 MARKDOWN = [
-    ROOT / 'README.md', *sorted((ROOT / 'docs').rglob('*.md'))]
+    ROOT / 'README.md', *sorted(
+        path for path in (ROOT / 'docs').rglob('*.md')
+        if path.relative_to(ROOT / 'docs').parts[0] not in ('_build', 'generated'))]
 
 
 @pytest.mark.parametrize('name', PAGES)

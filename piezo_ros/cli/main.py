@@ -12,6 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
+# PYTHON_ARGCOMPLETE_OK
+
 """The command ``piezo``."""
 
 import argparse
@@ -38,9 +40,13 @@ __all__ = ['argument_parser', 'main']
 
 _NO_ROOM: Final = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
 
+# Where a shell asks for what may follow: eval "$(register-python-argcomplete piezo)"
+_COMPLETION: Final = '_ARGCOMPLETE'
+
 # Each with its line in `piezo --help`. The module of this name beside this one describes its
 # arguments (add_arguments) and does it; only the one that is asked for is imported.
 COMMANDS: Final = {
+    'init': 'copy one of the examples, to begin with',
     'run': 'start the node graph, record, analyse, report',
     'simulate': 'the same plan offline: no ROS, same numbers, same bags',
     'identify': 'hysteresis, dynamics, uncertainty or creep from bags',
@@ -50,7 +56,7 @@ COMMANDS: Final = {
     'replay': 'what a recorded run would have been',
     'report': 'score bags and write the report',
     'image': 'what a scanned image shows of two recorded axes',
-    'bag': 'info, salvage, export, motion',
+    'bag': 'info, salvage, import, export, motion',
     'sweep': 'thousands of simulated runs over drawn parameters',
     'calibrate': "fit the simulated rig's mismatches to Table 4 (how config/rig.yaml was made)",
     'check': 'a node or device against its contract; a plan against its rig',
@@ -125,6 +131,9 @@ def _write_any_text() -> None:
 def _run(arguments: Sequence[str], interruption: Interruption) -> int:
     use_one_thread()
     parser = argument_parser(arguments)
+    if _COMPLETION in os.environ:
+        from argcomplete import autocomplete
+        autocomplete(parser)
     if interruption.came:  # an import may have caught it
         raise KeyboardInterrupt
     options = parser.parse_args(arguments)
@@ -134,11 +143,26 @@ def _run(arguments: Sequence[str], interruption: Interruption) -> int:
     return code
 
 
+class _Version(argparse.Action):
+    """Print the version of the installed package; looked for only where it is asked for."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
+        """Print it and leave."""
+        from piezo_ros.parameters.provenance import software_versions
+        versions = software_versions()
+        print(f'piezo_ros {versions["piezo_ros"] or "(not installed, from its sources)"}')
+        parser.exit()
+
+
 def argument_parser(arguments: Sequence[str]) -> argparse.ArgumentParser:
     """Return a parser that knows the options of the command that is among some arguments."""
     parser = CommandParser(
         prog='piezo', description='Piezo nano-positioning on ROS 2: run, analyse, report.')
+    parser.add_argument(
+        '--version', action=_Version, nargs=0, help='the version of this package')
     commands = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
+    if _COMPLETION in os.environ:
+        arguments = os.environ.get('COMP_LINE', '').split()
     asked_for = next((word for word in arguments if word in COMMANDS), None)
     for name, help_line in COMMANDS.items():
         command = commands.add_parser(

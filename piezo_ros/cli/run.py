@@ -26,6 +26,7 @@ from piezo_ros.cli.shared.progress import Progress
 from piezo_ros.experiment.campaign import run_campaign
 from piezo_ros.experiment.output_directory import prepare_directory
 from piezo_ros.experiment.plan import Plan, read_plan
+from piezo_ros.experiment.plan.packaged_plans import PLAN_HELP, plan_path
 from piezo_ros.parameters.errors import CampaignError, PlanError
 from piezo_ros.parameters.run import PlannedRun, RunResult
 from piezo_ros.report.run_tables import text_table
@@ -37,9 +38,9 @@ __all__ = ['add_arguments', 'add_plan_arguments', 'check_ros', 'run_plan', 'run_
 
 _EXAMPLES = """\
 examples:
-  piezo run config/experiments/demo.yaml -o out/demo
+  piezo run demo -o out/demo
   piezo run config/experiments/demo.yaml -o out/demo --composed --force
-  piezo simulate config/experiments/demo.yaml -o out/offline
+  piezo simulate my_plan.yaml -o out/offline
 """
 
 
@@ -56,7 +57,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='composed, and the processes stay for all runs: for plans of many short ones')
     parser.add_argument(
         '--namespace', default='', metavar='NS',
-        help='namespace of the nodes (default: one of its own, so that several may run at once)')
+        help='namespace of the nodes, / for the root (default: one of its own, so that several may '
+        'run at once; bags have the root then)')
     parser.add_argument(
         '--yes', action='store_true',
         help='drive a real device without asking; needed where there is no terminal to ask on')
@@ -66,7 +68,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def add_plan_arguments(parser: argparse.ArgumentParser) -> None:
     """Describe what `piezo run` and `piezo simulate` have in common."""
     parser.epilog = _EXAMPLES
-    parser.add_argument('plan', type=Path, metavar='PLAN', help='plan file (YAML)')
+    parser.add_argument('plan', type=plan_path, metavar='PLAN', help=PLAN_HELP)
     parser.add_argument(
         '-o', '--output', type=Path, required=True, metavar='DIR', help='output directory')
     parser.add_argument(

@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from piezo_ros.cli.shared.progress import Progress
+from piezo_ros.experiment.plan.packaged_plans import plan_path
 from piezo_ros.interruption import stopped_by
 from piezo_ros.parameters.errors import CampaignError, PlanError, failure_text
 
@@ -45,7 +46,9 @@ _STEPS: Final = 10  # plain lines of progress where there is no terminal
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Describe the command's arguments to its parser."""
     parser.epilog = _EXAMPLES
-    parser.add_argument('plan', type=Path, metavar='PLAN', help='plan file with a key sweep')
+    parser.add_argument(
+        'plan', type=plan_path, metavar='PLAN',
+        help='plan file with a key sweep, or the bare name of a packaged one')
     parser.add_argument(
         '-o', '--output', type=Path, required=True, metavar='DIR', help='output directory')
     parser.add_argument(

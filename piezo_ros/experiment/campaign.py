@@ -86,7 +86,7 @@ def run_campaign(
 
     plan_text = keep_plan(plan.path, directory)
     scored: list[ScoredRun] = []
-    notes: list[str] = []
+    notes = list(plan.notes)
     predictions: dict[str, dict[str, Any]] = {}
     failure: CampaignError | None = None
     for number, planned in enumerate(plan.runs, start=1):

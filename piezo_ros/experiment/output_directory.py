@@ -12,20 +12,31 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The output directory of a command: made, replaced only if it is an earlier output."""
+"""
+The output directory of a command: made, replaced only if it is an earlier output.
+
+It can be done again from itself: its plan has the files that it names beside it.
+"""
 
 import shutil
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
+
+import yaml
 
 from piezo_ros.parameters.errors import PlanError
 from piezo_ros.report.files import write_atomically
 
-__all__ = ['keep_plan', 'prepare_directory']
+__all__ = ['copy_plan', 'keep_plan', 'prepare_directory']
 
 # Only what bears this name is ever deleted: a plan.yaml of the user's own may lie anywhere.
 _MARKER: Final = '.piezo_output'
 _PLAN_COPY: Final = 'plan.yaml'
+_FILES_BELOW: Final = 'plan_files'
+# Keys of a plan of which the values are files, named from the folder of the plan.
+_FILE_KEYS: Final = (
+    'parameter_files', 'known_rig_files', 'model_rig_files', 'uncertainty_bound_file')
 
 
 def prepare_directory(directory: Path, *, force: bool) -> None:
@@ -58,7 +69,104 @@ def prepare_directory(directory: Path, *, force: bool) -> None:
 
 
 def keep_plan(source: Path, directory: Path) -> str:
-    """Copy the file of a plan to the output made from it; return its text, for the report."""
-    content = source.read_bytes()
-    write_atomically(directory / _PLAN_COPY, content)
-    return content.decode('utf-8')
+    """
+    Copy a plan to the output made from it, as plan.yaml, with the files that it names.
+
+    The copy names its own files, so that it can be run wherever the directory is moved to.
+
+    Parameters
+    ----------
+    source : Path
+        The plan.
+    directory : Path
+        The output directory.
+
+    Returns
+    -------
+    str
+        The text of the copy, for the report.
+
+    Raises
+    ------
+    OSError
+        If a file cannot be read or written.
+
+    """
+    return copy_plan(source, directory / _PLAN_COPY, _FILES_BELOW)
+
+
+def copy_plan(source: Path, copy: Path, files_below: str) -> str:
+    """
+    Copy a plan and the files that it names; return the text of the copy.
+
+    Parameters
+    ----------
+    source : Path
+        The plan.
+    copy : Path
+        Where the copy goes.
+    files_below : str
+        Folder beside the copy for the files, '' for the same folder.
+
+    Raises
+    ------
+    OSError
+        If a file cannot be read or written.
+
+    """
+    text = source.read_text(encoding='utf-8-sig')
+    root = yaml.compose(text, Loader=yaml.SafeLoader)
+    taken: dict[str, Path] = {copy.name: source} if not files_below else {}
+    replaced: list[tuple[int, int, str]] = []
+    for node in _file_nodes(root):
+        file = source.parent / str(node.value)
+        if not file.is_file():
+            continue
+        name = _free_name(file, taken)
+        taken[name] = file
+        if (copy.parent / files_below / name).resolve() != file.resolve():
+            write_atomically(copy.parent / files_below / name, file.read_bytes())
+        replaced.append((
+            node.start_mark.index, node.end_mark.index,
+            name if not files_below else f'{files_below}/{name}'))
+    for start, end, name in sorted(replaced, reverse=True):
+        text = f'{text[:start]}{_scalar(name)}{text[end:]}'
+    text += _title_of(root, source)
+    write_atomically(copy, text)
+    return text
+
+
+def _file_nodes(node: Any) -> Iterator[Any]:
+    """Yield the scalars of a plan that are files."""
+    if isinstance(node, yaml.MappingNode):
+        for key, value in node.value:
+            if key.value in _FILE_KEYS:
+                each = value.value if isinstance(value, yaml.SequenceNode) else [value]
+                yield from (item for item in each if isinstance(item, yaml.ScalarNode))
+            else:
+                yield from _file_nodes(value)
+    elif isinstance(node, yaml.SequenceNode):
+        for item in node.value:
+            yield from _file_nodes(item)
+
+
+def _free_name(file: Path, taken: dict[str, Path]) -> str:
+    """Return a name for the copy of a file; another file of the same name has another one."""
+    name, number = file.name, 1
+    while name in taken and taken[name].resolve() != file.resolve():
+        number += 1
+        name = f'{file.stem}_{number}{file.suffix}'
+    return name
+
+
+def _scalar(text: str) -> str:
+    """Return a text as a YAML scalar on one line."""
+    return yaml.safe_dump([text], default_flow_style=True, width=10_000).strip()[1:-1]
+
+
+def _title_of(root: Any, source: Path) -> str:
+    """Return the line with the title of a plan that has none, which is the name of its file."""
+    if (not isinstance(root, yaml.MappingNode) or root.flow_style
+            or any(key.value == 'title' for key, _ in root.value)):
+        return ''
+    return f'\ntitle: {_scalar(source.stem)}\n'

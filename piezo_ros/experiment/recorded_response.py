@@ -21,7 +21,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from piezo_ros.bag import BagError, Run
+from piezo_ros.bag import BagError, Run, open_recording
 from piezo_ros.bag.recorded_node import recorded_node, recorded_parameters
 from piezo_ros.control import TrajectoryParameters
 from piezo_ros.control.tables.excitation import Window
@@ -66,7 +66,8 @@ def recorded_response(
         What was played; what the trajectory node of the bag says by default.
     hysteresis : HysteresisParameters, optional
         The command is what this hysteresis makes of the recorded voltage: for runs of the bare
-        actuator, from a virgin stage on, or of another compensator.
+        actuator, from a virgin stage on, or of another compensator. Of a part of a bag it
+        remembers the voltage before.
     excitation : str, optional
         ``'stepped'``, ``'multisine'``, ``'broadband'`` or ``'auto'``: find the frequencies in the
         record itself. By default they are those of the trajectory, or, where none is known or it is
@@ -117,12 +118,22 @@ def _input(
     if bare:
         return run.voltage_v
     if hysteresis is not None:
-        if run.start_index != 0:
-            raise BagError(
-                f'{run.path} begins at sample {run.start_index}: what the hysteresis remembers of '
-                'the samples before is not known')
-        return _command_of(run.voltage_v, hysteresis)
+        before_v = _voltage_before(run)
+        return _command_of(np.concatenate([before_v, run.voltage_v]), hysteresis)[before_v.size:]
     return run.reference_um if closed_loop else run.command_um
+
+
+def _voltage_before(run: Run) -> NDArray[np.float64]:
+    """Return the voltage from the first sample of a bag to a part of it, which remembers it."""
+    if run.start_index == 0:
+        return np.zeros(0)
+    recording = open_recording(
+        run.path, namespace=run.namespace, allow_loss=True, keep_not_finite=True, fill_gaps=True)
+    if recording.start_index != 0 or recording.samples < run.start_index:
+        raise BagError(
+            f'{run.path} begins at sample {recording.start_index}: what the hysteresis remembers '
+            'of the samples before is not known')
+    return recording.part(0, run.start_index, streams=('voltage',)).voltage_v
 
 
 def _told_response(

@@ -169,7 +169,8 @@ class GraphPerRun:
                 rig_file(path), {'plant': planned.plant.to_mapping()})
         return self._supervisor.write_parameters(path, run_parameters(
             planned, bag, record=self._record, autostart=True,
-            compiled=planned.nodes if self._composed else _worth_compiling(planned), file=path))
+            compiled=planned.nodes if self._composed else _worth_compiling(planned), file=path,
+            bag_namespace=self._supervisor.bag_namespace))
 
     def _logs(self, planned: PlannedRun) -> Path:
         return self._directory / 'logs' / planned.name

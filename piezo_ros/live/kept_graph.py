@@ -103,7 +103,8 @@ class KeptGraph:
 
     def _run(self, planned: PlannedRun, bag: Path) -> RunResult:
         sections = run_parameters(
-            planned, bag, record=True, autostart=False, compiled=planned.nodes)
+            planned, bag, record=True, autostart=False, compiled=planned.nodes,
+            bag_namespace=self._supervisor.bag_namespace)
         nodes = tuple(sections)
         wanted = {node: _parameters_of_topics(node, values) for node, values in sections.items()}
         if wanted != self._configured:

@@ -34,7 +34,7 @@ _HANDSHAKE_TIMEOUT_S: Final = 60.0
 
 def run_parameters(
     planned: PlannedRun, bag: Path, *, record: bool, autostart: bool,
-    compiled: Collection[str] = (), file: Path | None = None,
+    compiled: Collection[str] = (), file: Path | None = None, bag_namespace: str = '',
 ) -> dict[str, dict[str, Any]]:
     """
     Return the parameters of every node of a run.
@@ -54,6 +54,8 @@ def run_parameters(
     file : Path, optional
         Where the parameters will be written: the recorder takes from there what a node that is
         delayed up to the end does not tell.
+    bag_namespace : str, optional
+        Namespace that topics and nodes have in the bag.
 
     Returns
     -------
@@ -85,7 +87,8 @@ def run_parameters(
     if record:
         sections = {'recorder': {
             'streams': 'voltage,displacement' if planned.bare else ','.join(STREAMS),
-            'bag_directory': str(bag.absolute()), 'from_copies': copies,
+            'bag_directory': str(bag.absolute()), 'bag_namespace': bag_namespace,
+            'from_copies': copies,
             'linger_s': 0.0 if autostart else -1.0,
             'parameters_timeout_s': _PARAMETERS_TIMEOUT_S,
             'handshake_timeout_s': _HANDSHAKE_TIMEOUT_S,

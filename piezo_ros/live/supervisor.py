@@ -34,6 +34,7 @@ from piezo_ros.interruption import STOP_SIGNALS, was_interrupted
 from piezo_ros.live.node_status import BadStatusError, parse_status
 from piezo_ros.live.process_group import POLL_S, ProcessGroup
 from piezo_ros.parameters.errors import CampaignError
+from piezo_ros.parameters.role_parameters import full_name
 from piezo_ros.report.files import write_atomically
 from piezo_ros.runtime.process.leaving import destroy_after_others, exit_after
 from piezo_ros.runtime.process.middleware import initialise_rclpy
@@ -58,12 +59,14 @@ class Supervisor:
     Parameters
     ----------
     namespace : str
-        Namespace of the nodes; of its own for every process by default.
+        Namespace of the nodes, ``'/'`` for the root; by default one of its own for every process.
 
     Attributes
     ----------
     processes : ProcessGroup
         The processes of the present graph.
+    bag_namespace : str
+        Namespace that they have in bags and parameter files, '' for the same.
     statuses : dict of str to dict
         The newest status of every node of it, by name.
     exit_code : int
@@ -72,7 +75,9 @@ class Supervisor:
     """
 
     def __init__(self, namespace: str = '') -> None:
+        # The nodes of several commands must not meet; in a bag nothing tells which command it was.
         self.namespace = checked_namespace(namespace or f'piezo_{os.getpid()}')
+        self.bag_namespace = '' if namespace else '/'
         self.processes = ProcessGroup()
         self.statuses: dict[str, dict[str, Any]] = {}
         self.exit_code = 1
@@ -108,7 +113,8 @@ class Supervisor:
             The last part of its namespace.
 
         """
-        other = Supervisor(f'{self.namespace}/{name}')
+        other = Supervisor(full_name(self.namespace, name))
+        other.bag_namespace = self.bag_namespace and full_name(self.bag_namespace, name)
         other._stop = self._stop
         other._node = self._node
         other._subscribe(f'{name}/status')
@@ -142,7 +148,8 @@ class Supervisor:
     ) -> list[str]:
         """Write a parameter file, node by node; return the arguments for executables with it."""
         write_atomically(path, yaml.safe_dump({
-            f'{self.namespace}/{node}': {'ros__parameters': dict(values)}
+            full_name('/**' if self.bag_namespace else self.namespace, node): {
+                'ros__parameters': dict(values)}
             for node, values in sections.items()}))
         return [*self.arguments, '--params-file', str(path)]
 
@@ -159,7 +166,7 @@ class Supervisor:
 
     def create_client(self, service_type: Any, name: str) -> Any:
         """Create the client of a service, named below the namespace."""
-        return self._node.create_client(service_type, f'{self.namespace}/{name}')
+        return self._node.create_client(service_type, full_name(self.namespace, name))
 
     def spin_until(
         self, condition: Callable[[], bool], *, timeout_s: float = math.inf,

@@ -74,7 +74,7 @@ class Recorder(LoopNode):
         self._pending: list[tuple[str, bytes]] = []
         self._peers = PeerParameters(self, self._parameter_client)
         self._description = RunDescription(
-            self.get_namespace(), self._recording.parameters_file, self._peers, self._device)
+            self.get_namespace(), self._recording, self._peers, self._device)
         self._is_described = False
 
     def _parameter_client(self, name: str) -> AsyncParameterClient:
@@ -181,9 +181,10 @@ class Recorder(LoopNode):
             self.get_logger().warning(f'{name} has not told its parameters yet; the bag begins')
         metadata, parameters = self._description.contents()
         try:
+            moved = self._description.moved
             self._bag = BagWriter(
-                self._directory, namespace=self.get_namespace(),
-                topics={stream: self.resolve_topic_name(stream) for stream in self.readers},
+                self._directory, namespace=self._recording.bag_namespace or self.get_namespace(),
+                topics={each: moved(self.resolve_topic_name(each)) for each in self.readers},
                 metadata=metadata, compression=self._recording.compression)
             self._directories.note_written(self._directory)
             self._bag.attach_parameters(parameters)

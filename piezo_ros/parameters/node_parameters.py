@@ -214,6 +214,9 @@ class RecorderParameters(ParameterSet):
 
     parameters_file: str = parameter(
         '', '', 'parameter file of the other nodes, for what these do not tell themselves in time')
+    bag_namespace: str = parameter(
+        '', '', 'namespace that topics and nodes have in the bag in place of that of the recorder; '
+        'empty: the same')
 
     def check_together(self) -> None:
         """Refuse streams that do not exist."""

@@ -76,6 +76,29 @@ def full_name(namespace: str, name: str) -> str:
     return f'{namespace.rstrip("/")}/{name}'
 
 
+def moved_name(name: str, namespace: str, new: str) -> str:
+    """
+    Return the full name of a node or topic in another namespace.
+
+    Parameters
+    ----------
+    name : str
+        The full name; one that is not below the namespace is returned as it is.
+    namespace : str
+        The namespace that it is in.
+    new : str
+        The other one; '' leaves the name as it is.
+
+    Examples
+    --------
+    >>> moved_name('/piezo_12/voltage', '/piezo_12', '/'), moved_name('/other/v', '/piezo_12', '/')
+    ('/voltage', '/other/v')
+
+    """
+    below = namespace.rstrip('/') + '/'
+    return full_name(new, name[len(below):]) if new and name.startswith(below) else name
+
+
 def name_matches(pattern: str, name: str) -> bool:
     """
     Return whether a pattern of a parameter file fits the full name of a node.

@@ -15,6 +15,8 @@
 """
 One constrained least-squares step of a periodic voltage.
 
+The step d of the coefficients c over the harmonics B::
+
     minimise over d   mean of w (e - J d)^2 + lambda |d|^2
     subject to        |u[k+1] - u[k]| <= slew Ts,   low <= u[k] <= high,
                       mean of |u[k+1] - u[k]|/Ts <= average slew,   u = B (c + d)

@@ -16,7 +16,7 @@ import pytest
 
 from piezo_ros.experiment.campaign import run_campaign
 from piezo_ros.experiment.offline import simulate_run
-from piezo_ros.experiment.output_directory import prepare_directory
+from piezo_ros.experiment.output_directory import keep_plan, prepare_directory
 from piezo_ros.experiment.plan import read_plan
 from piezo_ros.parameters.errors import PlanError
 
@@ -59,3 +59,41 @@ def test_a_file_is_not_taken_for_a_directory(tmp_path, force):
     with pytest.raises(PlanError, match='mine exists'):
         prepare_directory(path, force=force)
     assert path.read_text() == 'years of work'
+
+
+def bags_of(directory):
+    return {
+        str(path.relative_to(directory)): path.read_bytes()
+        for path in (directory / 'bags').rglob('*') if path.is_file()}
+
+
+def test_an_output_is_done_again_from_its_own_plan_with_the_same_bytes(write_plan, tmp_path):
+    rig = tmp_path / 'elsewhere' / 'rig.yaml'
+    rig.parent.mkdir()
+    rig.write_text('/**/plant:\n  ros__parameters: {noise_rms_um: 0.002}\n')
+    other = tmp_path / 'rig.yaml'
+    other.write_text('/**/compensator:\n  ros__parameters: {compiled: true}\n')
+    plan = write_plan(parameter_files=['elsewhere/rig.yaml', 'rig.yaml'])
+    run_campaign(read_plan(plan), tmp_path / 'out', simulate_run)
+    rig.unlink()
+    other.unlink()
+    (tmp_path / 'out').rename(tmp_path / 'moved')
+    run_campaign(read_plan(tmp_path / 'moved' / 'plan.yaml'), tmp_path / 'again', simulate_run)
+    assert bags_of(tmp_path / 'again') == bags_of(tmp_path / 'moved')
+    assert (tmp_path / 'again' / 'plan.yaml').read_bytes() == (
+        tmp_path / 'moved' / 'plan.yaml').read_bytes()
+    assert read_plan(tmp_path / 'again' / 'plan.yaml').title == read_plan(
+        tmp_path / 'moved' / 'plan.yaml').title
+
+
+def test_the_copy_of_a_plan_keeps_its_comments_and_gets_its_title(tmp_path):
+    (tmp_path / 'a b.yaml').write_text('{}\n')
+    plan = tmp_path / 'mine.yaml'
+    plan.write_text(
+        '# why µ\nformat_version: 1\nparameter_files: ["a b.yaml"]  # the rig\nruns:\n'
+        '  - {scheme: ff}')
+    text = keep_plan(plan, tmp_path / 'out')
+    assert text == (
+        '# why µ\nformat_version: 1\nparameter_files: [plan_files/a b.yaml]  # the rig\nruns:\n'
+        '  - {scheme: ff}\ntitle: mine\n')
+    assert (tmp_path / 'out' / 'plan_files' / 'a b.yaml').read_text() == '{}\n'

@@ -25,6 +25,7 @@ from piezo_ros.experiment.model_file import read_accuracy, read_bound
 from piezo_ros.experiment.plan.automatic import KNOWN_NODES, Known
 from piezo_ros.experiment.plan.entry_keys import refuse_unknown
 from piezo_ros.experiment.plan.hardware_entry import ignored_of_rig, is_of_hardware
+from piezo_ros.experiment.plan.model_rig import MODEL_RIG_KEY, model_rig, model_rig_notes
 from piezo_ros.experiment.plan.raster_scan import RasterScan, read_scans
 from piezo_ros.experiment.plan.run_entry import RUN_KEYS, SHORT_KEYS, checked_parameters, plan_run
 from piezo_ros.parameters.errors import PlanError
@@ -41,7 +42,8 @@ __all__ = ['STUDIES', 'Plan', 'read_plan']
 
 FORMAT_VERSION: Final = 1
 _PLAN_KEYS: Final = (
-    'format_version', 'title', 'parameter_files', 'known_rig_files', 'uncertainty_bound_file',
+    'format_version', 'title', 'parameter_files', MODEL_RIG_KEY, 'known_rig_files',
+    'uncertainty_bound_file',
     'sample_period_s', 'score_periods', 'runs', 'study', 'sweep', 'scans', 'scan_defaults')
 _KEYS_OF_RUNS: Final = (
     'runs', 'known_rig_files', 'uncertainty_bound_file', 'sweep', 'scans', 'scan_defaults')
@@ -128,6 +130,8 @@ def read_plan(path: Path) -> Plan:
     if version != FORMAT_VERSION:
         raise PlanError(f'{path}: format_version is {version!r}, only {FORMAT_VERSION} is known')
     base = _read_sections(path, content, 'parameter_files', LOOP_NODES)
+    base['plant'] = {**model_rig(path, _read_sections(
+        path, content, MODEL_RIG_KEY, ('compensator', 'trajectory')), content), **base['plant']}
     if 'sample_period_s' in content:
         for node in LOOP_NODES:
             base[node]['sample_period_s'] = content['sample_period_s']
@@ -205,7 +209,7 @@ def _notes(path: Path, content: Mapping[str, Any]) -> tuple[str, ...]:
     """Return what the parameter files give to the nodes and a plan does not pass on."""
     names = _list(path, 'parameter_files', content.get('parameter_files', []))
     files = [path.parent / str(name) for name in names]
-    return tuple(
+    return *model_rig_notes(path, content), *(
         f'{file}: {", ".join(own)} of {node} is ignored: a plan has its own time and QoS'
         for file in files for node, own in parameters_of_rclpy(file, LOOP_NODES).items())
 

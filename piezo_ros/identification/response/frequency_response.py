@@ -15,7 +15,7 @@
 """
 The frequency response of a periodically excited stage, with its confidence.
 
-With the phasors X of the input and Y of the output, fitted by least squares (see `line_fit`):
+With the phasors X of the input and Y of the output, fitted by least squares (see `line_fit`)::
 
     H = Y/X
     variance = max(scatter, residual)

@@ -21,10 +21,10 @@ from typing import Any
 from piezo_ros.bag.description import LOST_KEY
 from piezo_ros.nodes.recorder_parts.device_status import DeviceStatus
 from piezo_ros.nodes.recorder_parts.peer_parameters import PeerParameters
-from piezo_ros.parameters.node_parameters import LOOP_NODES
+from piezo_ros.parameters.node_parameters import LOOP_NODES, RecorderParameters
 from piezo_ros.parameters.parameter_file import parameters_yaml, read_parameter_file
 from piezo_ros.parameters.provenance import run_metadata
-from piezo_ros.parameters.role_parameters import full_name
+from piezo_ros.parameters.role_parameters import full_name, moved_name
 from piezo_ros.parameters.roles import parameters_by_role
 
 __all__ = ['RunDescription']
@@ -38,8 +38,8 @@ class RunDescription:
     ----------
     namespace : str
         Namespace of the nodes.
-    parameters_file : str
-        File with their parameters, '' for none.
+    recording : RecorderParameters
+        The file with their parameters, and the namespace that they have in the bag.
     peers : PeerParameters
         What the nodes have told; it counts more than the file.
     device : DeviceStatus, optional
@@ -48,11 +48,12 @@ class RunDescription:
     """
 
     def __init__(
-        self, namespace: str, parameters_file: str, peers: PeerParameters,
+        self, namespace: str, recording: RecorderParameters, peers: PeerParameters,
         device: DeviceStatus | None = None,
     ) -> None:
         self._namespace = namespace
-        self._parameters_file = parameters_file
+        self._parameters_file = recording.parameters_file
+        self._bag_namespace = recording.bag_namespace
         self._peers = peers
         self._device = device
         self._told: tuple[dict[str, str], str] | None = None
@@ -76,8 +77,13 @@ class RunDescription:
             metadata |= self._device.metadata()
         if lost or (self._told and LOST_KEY in self._told[0]):
             metadata[LOST_KEY] = '\n'.join(lost)
-        self._told = metadata, parameters_yaml(self._namespace, parameters)
+        self._told = metadata, parameters_yaml(
+            self._namespace, {self.moved(name): values for name, values in parameters.items()})
         return self._told
+
+    def moved(self, name: str) -> str:
+        """Return the full name that a node or topic has in the bag."""
+        return moved_name(name, self._namespace, self._bag_namespace)
 
     def _uncertain(self, parameters: Mapping[str, Any]) -> list[str]:
         """Return a sentence on each node of which the parameters are not certain."""
