@@ -154,8 +154,13 @@ COMMANDS = [
     ('bag info bag --run first', 2, ["argument --run: invalid int value: 'first'"]),
     ('bag info bag --namespace /other', 1, [
         'no stream in the namespace /other, choices are /']),
-    ('bag export bag -o there', 2, ['-o there is a directory, it must be a file']),
-    ('bag export bag -o rig.yaml', 2, ['rig.yaml exists; --force replaces it']),
+    ('bag export bag -o there', 2, ["-o there ends in 'no suffix', allowed are .csv, .mat,"]),
+    ('bag export bag -o scan.xlsx', 2, ["-o scan.xlsx ends in '.xlsx', allowed are .csv, .mat,"]),
+    ('bag motion bag -o there', 2, ['-o there is a directory, it must be a file']),
+    ('bag import no.csv -o new', 1, ['no.csv: No such file or directory']),
+    ('init slow_stag', 2, ["'slow_stag'; did you mean slow_stage?"]),
+    ('simulate demmo -o out', 2, ["'demmo' is no file and no plan", 'did you mean demo?']),
+    ('bag export bag -o old.csv', 2, ['old.csv exists; --force replaces it']),
     ('bag export bag -o rig.yaml/x.csv', 2, ['-o rig.yaml/x.csv: ', 'rig.yaml is no directory']),
     ('bag motion bag -o x.csv', 2, ["-o x.csv: a motion is written as .npz, not '.csv'"]),
     ('bag motion bag -o x.npz --reference displacment', 2, [
@@ -228,6 +233,7 @@ def table(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / 'plan.yaml').write_text(plan())
     (tmp_path / 'rig.yaml').write_text(RIG)
+    (tmp_path / 'old.csv').touch()
     (tmp_path / 'there').mkdir()
     (tmp_path / 'there' / 'thesis.tex').write_text('years of work')
     for name in ('compensator', 'trajectory'):
