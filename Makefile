@@ -34,7 +34,8 @@ RUN = $(if $(shell ls $(VENV)/.no-ros 2> /dev/null),simulate,run)
 TELL = @cat $(VENV)/.no-ros 2> /dev/null || true
 
 .DEFAULT_GOAL := help
-.PHONY: help demo paper beyond image bench test test-slow test-matrix coverage lint docs outputs clean
+.PHONY: help demo paper beyond image bench test test-slow test-matrix coverage lint docs outputs \
+	screenshots clean
 
 help:  ## this list
 	@sed -nE 's/^([a-z-]+):.*## (.*)/make \1|\2/p' Makefile | awk -F'|' '{printf "  %-18s%s\n", $$1, $$2}'
@@ -91,6 +92,9 @@ docs: $(DOCS_READY)  ## the documentation as a site, docs/_build/html; prints pa
 
 outputs: $(DEMO_READY)  ## print what docs/your-own-stage.md shows, by the commands that it names
 	$(BIN)/python test/support/printed_outputs.py
+
+screenshots: $(TEST_READY)  ## every page below out/ as seen light, dark, on a phone, printed
+	$(BIN)/python test/support/screenshots.py out -o out/screenshots
 
 clean:  ## remove .venv and .matrix, what was built and what tools cached; out/ stays
 	rm -rf $(VENV) .matrix build dist install log *.egg-info docs/_build docs/generated

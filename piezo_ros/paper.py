@@ -15,8 +15,7 @@
 """
 The published numbers of Liu 2015, and nothing else.
 
-Source: Liu, Shan, Gabbert, *Feedback/feedforward control of hysteresis-compensated piezoelectric
-actuators for high-speed scanning applications*, Smart Mater. Struct. 24 (2015) 015012.
+Source: AUTHORS, TITLE, JOURNAL; its DOI is DOI.
 Units are micrometres, volts at the amplifier's input, radians per second and seconds.
 """
 
@@ -27,9 +26,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 __all__ = [
+    'AUTHORS',
     'COMPENSATED_NONLINEARITY_PERCENT',
+    'DOI',
     'FEEDBACK_ACCEPTABLE_FREQUENCY_HZ',
     'HARMONICS',
+    'JOURNAL',
     'KAPPA_UM_PER_V',
     'MAXIMUM_ERROR_300_HZ_UM',
     'SATURATION_V',
@@ -37,12 +39,20 @@ __all__ = [
     'TABLE_2',
     'TABLE_3',
     'TABLE_4',
+    'TITLE',
     'TrackingError',
     'UNCERTAINTY_BOUND',
     'UNCOMPENSATED_NONLINEARITY_PERCENT',
     'table_4',
     'uncertainty_magnitude',
 ]
+
+AUTHORS: Final = 'Yanfang Liu, Jinjun Shan, Ulrich Gabbert'
+TITLE: Final = (
+    'Feedback/feedforward control of hysteresis-compensated piezoelectric actuators for high-speed '
+    'scanning applications')
+JOURNAL: Final = 'Smart Materials and Structures 24 (2015) 015012'
+DOI: Final = '10.1088/0964-1726/24/1/015012'
 
 # Table 1: kappa_i in um/V (n + 1 values, the last is the unlimited capacitor) and u_S,i in V.
 KAPPA_UM_PER_V: Final = (

@@ -140,10 +140,14 @@ class ParameterSet:
 
     def __post_init__(self) -> None:
         for field in dataclasses.fields(self):
-            value = _converted(field, getattr(self, field.name))
-            _check(field.name, value, constraint_of(field))
-            object.__setattr__(self, field.name, value)
+            self._take(field, getattr(self, field.name))
         self.check_together()
+
+    def _take(self, field: 'dataclasses.Field[Any]', value: Any) -> None:
+        """Convert, check and keep the value of a field."""
+        value = _converted(field, value)
+        _check(field.name, value, constraint_of(field))
+        object.__setattr__(self, field.name, value)
 
     def check_together(self) -> None:
         """Refuse combinations of values that are each allowed alone (default: none)."""
@@ -175,17 +179,30 @@ class ParameterSet:
             For an unknown name, a wrong type or a value out of range.
 
         """
+        cls._check_names(values)
+        return cls(**values)
+
+    @classmethod
+    def _check_names(cls, values: Mapping[str, Any]) -> None:
         names = cls.names()
         for name in values:
             if name not in names:
                 raise ParameterError(
                     f'unknown parameter {name!r}; {cls.__name__} has {", ".join(names)}'
                     f'{did_you_mean(name, names)}')
-        return cls(**values)
 
     def replaced(self: _Set, **values: Any) -> _Set:
-        """Return a copy with some values replaced, checked again."""
-        return self.from_mapping({**self.to_mapping(), **values})
+        """Return a copy with some values replaced, these checked, and all of them together."""
+        self._check_names(values)
+        copy = object.__new__(type(self))
+        for field in dataclasses.fields(self):
+            if field.name in values:
+                copy._take(field, values[field.name])
+            else:
+                # Checked already; a search replaces one value thousands of times.
+                object.__setattr__(copy, field.name, getattr(self, field.name))
+        copy.check_together()
+        return copy
 
     def to_mapping(self) -> dict[str, Any]:
         """Return names and values, lists for tuples, ready for YAML."""

@@ -35,7 +35,7 @@ __all__ = ['Recorder']
 
 _AT_ONCE = 64  # blocks of one stream before the next one's turn
 _SETTLE_S = 0.2  # how long a stopped recorder waits for what is still on its way
-_SETTLE_AT_MOST_S = 2.0  # how long it takes what comes
+_AT_MOST_S = 2.0  # how long it takes what comes
 
 
 class Recorder(LoopNode):
@@ -74,7 +74,8 @@ class Recorder(LoopNode):
         self._pending: list[tuple[str, bytes]] = []
         self._peers = PeerParameters(self, self._parameter_client)
         self._description = RunDescription(
-            self.get_namespace(), self._recording, self._peers, self._device)
+            self.get_namespace(), self._recording.parameters_file, self._peers, self._device,
+            self._recording.bag_namespace)
         self._is_described = False
 
     def _parameter_client(self, name: str) -> AsyncParameterClient:
@@ -154,8 +155,7 @@ class Recorder(LoopNode):
     def _take_the_rest(self, bag: BagWriter) -> None:
         open_readers = [reader for reader in self.readers.values() if not reader.ended]
         taken, quiet = RunningTime(), RunningTime()
-        while (open_readers and quiet.elapsed_s() < _SETTLE_S
-               and taken.elapsed_s() < _SETTLE_AT_MOST_S):
+        while open_readers and quiet.elapsed_s() < _SETTLE_S and taken.elapsed_s() < _AT_MOST_S:
             for reader in list(open_readers):
                 try:
                     for _ in range(_AT_ONCE):
@@ -179,9 +179,9 @@ class Recorder(LoopNode):
             return False
         for name in self._peers.silent:
             self.get_logger().warning(f'{name} has not told its parameters yet; the bag begins')
+        moved = self._description.moved
         metadata, parameters = self._description.contents()
         try:
-            moved = self._description.moved
             self._bag = BagWriter(
                 self._directory, namespace=self._recording.bag_namespace or self.get_namespace(),
                 topics={each: moved(self.resolve_topic_name(each)) for each in self.readers},

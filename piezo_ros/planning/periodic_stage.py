@@ -189,12 +189,17 @@ class PeriodicStage:
 
 def _slipping(free_um: _Floats, width_um: _Floats) -> NDArray[np.bool_]:
     """Return which elements slip at each sample, shape (N, n)."""
-    play = np.zeros_like(width_um)
-    slips = np.empty((free_um.size, width_um.size), dtype=np.bool_)
-    for k, (low, high) in enumerate(
-            zip(free_um[:, None] - width_um, free_um[:, None] + width_um, strict=True)):
-        moved = np.minimum(np.maximum(play, low), high)
-        slips[k] = moved != play
-        play = moved
-    return slips
-
+    plays = np.empty((free_um.size, width_um.size))
+    before = np.zeros_like(width_um)
+    way = np.sign(np.diff(free_um, prepend=0.0))
+    turns = np.flatnonzero(way[1:] != way[:-1]) + 1
+    start = 0
+    for end in [*turns.tolist(), free_um.size]:
+        # From one turn to the next a play goes one way only.
+        um = free_um[start:end, None]
+        plays[start:end] = (
+            np.maximum(before, um - width_um) if way[start] >= 0.0
+            else np.minimum(before, um + width_um))
+        before = plays[end - 1]
+        start = end
+    return np.asarray(np.diff(plays, axis=0, prepend=0.0) != 0.0)

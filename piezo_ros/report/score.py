@@ -31,6 +31,7 @@ from piezo_ros.paper import HARMONICS, table_4
 from piezo_ros.parameters.roles import parameters_by_role
 from piezo_ros.report.metrics import nrmse, tail
 from piezo_ros.report.run_condition import RunCondition, run_condition
+from piezo_ros.report.run_setup import RunSetup, RunStart, run_setup, run_start
 from piezo_ros.report.settling import settling_periods
 
 __all__ = ['ScoredRun', 'score']
@@ -71,6 +72,10 @@ class ScoredRun:
         Mean of the reference, micrometres, as the trajectory was told; 0 where that is not known.
     condition : RunCondition
         Whether the run is stable, settled and within the limits of the amplifier.
+    setup : RunSetup
+        Gains, amplifier and date, as far as they are known.
+    start : RunStart or None
+        The first periods of the run; None where the scored window begins before their end.
 
     """
 
@@ -91,6 +96,8 @@ class ScoredRun:
     voltage_v: NDArray[np.float64] = field(repr=False, compare=False)
     offset_um: float = 0.0
     condition: RunCondition = field(default_factory=RunCondition)
+    setup: RunSetup = field(default_factory=RunSetup, compare=False)
+    start: RunStart | None = field(default=None, repr=False, compare=False)
 
     @property
     def error_um(self) -> NDArray[np.float64]:
@@ -220,7 +227,9 @@ def score(
         condition=run_condition(
             run.parameters, **streams, frequency_hz=frequency_hz,
             sample_period_s=run.sample_period_s, scored_periods=periods,
-            scored_samples=reference_um.size))
+            scored_samples=reference_um.size),
+        setup=run_setup(run, scheme),
+        start=run_start(run, frequency_hz, before=window.start))
 
 
 def _told(parameters: Mapping[str, Any], name: str) -> float:

@@ -81,7 +81,11 @@ CREEP: Final = {'creep_per_decade': 0.02, 'creep_start_s': 1e-3}
 _TRIED_HARMONICS: Final = (1, 3, 5, 7, 9, 11, 15, 21, 31, 41)
 _TRIED_CELLS: Final = tuple((a, f) for f in (300.0, 800.0) for a in (0.5, 1.5, 2.5))
 _WIDE_FREQUENCIES_HZ: Final = tuple(float(f'{f:.4g}') for f in np.geomspace(20.0, 8000.0, 30))
-_LOOP_FREQUENCIES_HZ: Final = tuple(float(f'{f:.4g}') for f in np.geomspace(100.0, 2000.0, 12))
+_LOOP_FREQUENCIES_HZ: Final = tuple(float(f'{f:.4g}') for f in np.geomspace(100.0, 12000.0, 24))
+# For the figures: past the second resonance, at amplitudes that the amplifier follows up to there.
+_HIGH_FREQUENCIES_HZ: Final = tuple(float(f'{f:.4g}') for f in np.geomspace(20.0, 12000.0, 40))
+_SMALL_AMPLITUDE_V: Final = 0.2
+_SMALL_AMPLITUDE_UM: Final = 0.2
 _IDENTIFICATION_AMPLITUDES_UM: Final = (0.1, 0.2, 0.4)
 _AMPLITUDES_V: Final = (0.5, 1.0, 1.5, 2.0, 2.5)
 _OFFSETS_V: Final = (-1.5, -0.75, 0.0, 0.75, 1.5)
@@ -137,7 +141,8 @@ def run_experiments(
         compensated_identified=identified_loop,
         compensated_creeping=study.compensated_loop('creeping', {}, CREEP),
         hysteresis=hysteresis, bare_responses=study.bare_responses(),
-        compensated_responses=study.responses('published', {}), identified_responses=responses,
+        compensated_responses=study.responses('published', {}),
+        wide_response=study.wide_response(), identified_responses=responses,
         dynamics_published=dynamics_published, dynamics=dynamics,
         uncertainty=bound, closed_loop=study.closed_loop(),
         loop_published=loop_shape(
@@ -191,8 +196,15 @@ class PaperExperiments:
         return fit_hysteresis(run.voltage_v, run.displacement_um)
 
     def bare_responses(self) -> tuple[tuple[FrequencyResponse, ...], ...]:
-        """Return Fig. 6: the bare actuator by amplitude, with creep, in a slow and a fast sweep."""
-        return tuple(
+        """
+        Return Fig. 6: the bare actuator by amplitude, with creep, in a slow and a fast sweep.
+
+        A last one has a small amplitude alone, past the second resonance.
+        """
+        wide = self._execute([self._plan('bare_response_wide', {
+            **_SWEEP, 'output': 'voltage', 'amplitude_v': _SMALL_AMPLITUDE_V, 'plant': CREEP,
+            'trajectory': {'frequencies_hz': _HIGH_FREQUENCIES_HZ}})])
+        by_amplitude = tuple(
             tuple(recorded_response(run, bare=True) for run in self._execute([
                 self._plan(f'bare_response_{amplitude_v:g}v{suffix}', {
                     **_SWEEP, 'output': 'voltage', 'amplitude_v': amplitude_v, 'plant': CREEP,
@@ -201,6 +213,7 @@ class PaperExperiments:
                     ('_slow', _SLOW_FREQUENCIES_HZ, _SLOW),
                     ('', _RESPONSE_FREQUENCIES_HZ, None))]))
             for amplitude_v in _AMPLITUDES_V)
+        return (*by_amplitude, tuple(recorded_response(run, bare=True) for run in wide))
 
     def responses(
         self, name: str, inverse: Mapping[str, Any],
@@ -232,6 +245,13 @@ class PaperExperiments:
                 'trajectory': {'frequencies_hz': _WIDE_FREQUENCIES_HZ}})
             for amplitude_um in amplitudes_um])
         return [recorded_response(run) for run in runs]
+
+    def wide_response(self) -> FrequencyResponse:
+        """Return what Fig. 7 shows past the second resonance: a small amplitude, compensated."""
+        (run,) = self._execute([self._plan('response_published_wide', {
+            **_SWEEP, 'scheme': 'open_loop', 'amplitude_um': _SMALL_AMPLITUDE_UM,
+            'trajectory': {'frequencies_hz': _HIGH_FREQUENCIES_HZ}})])
+        return recorded_response(run)
 
     def closed_loop(self) -> FrequencyResponse:
         """Return Fig. 9: reference to displacement under feedback alone."""

@@ -20,7 +20,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from piezo_ros import paper
-from piezo_ros.identification import ExcludedPoint, FrequencyResponse
+from piezo_ros.identification import DynamicsFit, ExcludedPoint, FrequencyResponse
 from piezo_ros.model import LinearDynamics
 from piezo_ros.report.figures.frequency_response import ResponseCurve, response_figure
 from piezo_ros.report.figures.hysteresis import Loop, loops_figure
@@ -72,7 +72,8 @@ def static_section(results: PaperResults) -> Section:
          PERCENT * loop.nonlinearity.output, published.get('output')]
         for name, loop, published in loops]
     return Section('static', 'Fig. 5: hysteresis before and after compensation', [
-        Picture('hysteresis-loops', 'A 1 Hz triangle of ±3 V, and of ±3 µm through the inverse.',
+        Picture('hysteresis-loops', 'A 1 Hz triangle of ±3 V, and of ±3 µm through the inverse; '
+                'below, the deviation of each from its straight line, in nanometres.',
                 lambda: loops_figure(
                     _loop_curve(results.uncompensated, 'voltage (V)'),
                     _loop_curve(results.compensated, 'command (µm)'))),
@@ -110,30 +111,36 @@ def dynamics_section(results: PaperResults) -> Section:
     """Return Table 2, Fig. 6 and Fig. 7."""
     published, fit = results.dynamics_published, results.dynamics
     grid = [r for r in results.compensated_responses if abs(float(r.offset[0])) < 1e-9]
-    model_hz = np.geomspace(20.0, 2000.0, 200)
+    model_hz = np.geomspace(20.0, results.wide_response.frequency_hz.max(), 300)
     rows: Rows = [
         [symbol, float(paper.TABLE_2[name]), published.values[name],
          published.standard_errors[name], fit.values[name], fit.standard_errors[name]]
         for name, symbol in _SYMBOLS.items()]
     return Section('table-2', 'Table 2, Fig. 6 and 7: the linear dynamics', [
-        Picture('bare', 'Fig. 6: the bare actuator, with a gain that depends on the amplitude.',
+        Picture('bare', 'Fig. 6: the bare actuator, with a gain that depends on the amplitude; '
+                'the smallest one past the second resonance.',
                 lambda: response_figure(
                     [_curve(sweeps, 'V') for sweeps in results.bare_responses],
-                    title='Bare actuator', unit='µm/V')),
+                    title='Bare actuator', unit='µm/V', decibels=True)),
         Paragraph(
             'The slow decline at low frequencies is creep, which these runs of the rig have and no '
             f'other ones: {CREEP["creep_per_decade"]:.0%} for every tenfold time, beginning '
             f'{CREEP["creep_start_s"]:g} s after a step. The amount is one that is common for such '
             'ceramics; the paper has no number.'),
-        Picture('compensated', 'Fig. 7: the same behind the published inverse, with the fit.',
+        Picture('compensated', 'Fig. 7: the same behind the published inverse, with the fit; the '
+                'smallest amplitude past the second resonance.',
                 lambda: response_figure(
-                    [*(_curve((r,), 'µm') for r in grid),
+                    [*(_curve((r,), 'µm') for r in (*grid, results.wide_response)),
                      ResponseCurve('fit of (6)', model_hz, published.sampled_response(model_hz),
                                    style='line'),
                      ResponseCurve(
                          'Table 2', model_hz, LinearDynamics().sampled_response(
                              model_hz, published.sample_period_s), style='line')],
-                    title='Compensated actuator', unit='µm/µm')),
+                    title='Compensated actuator', unit='µm/µm', decibels=True)),
+        Paragraph(
+            f'The second resonance of the fit lies at {_resonance_hz(published):.0f} Hz, that of '
+            f'Table 2 at {paper.TABLE_2["natural_frequency_2_rad_per_s"] / (2.0 * np.pi):.0f} Hz: '
+            f'the measurement ends at {results.wide_response.frequency_hz.max():.0f} Hz.'),
         Paragraph(
             'Both models are sampled behind the zero-order hold, as the record is. Identified from '
             'sweeps of 0.1 to 0.4 µm, 20 Hz to 8 kHz, behind the published inverse and behind the '
@@ -211,7 +218,7 @@ def loop_section(results: PaperResults) -> Section:
                      ResponseCurve('with Table 2, continuous', model_hz,
                                    results.loop_published.loop.complementary(model_hz),
                                    style='line')],
-                    title='Closed loop', unit='µm/µm')),
+                    title='Closed loop', unit='µm/µm', decibels=True)),
         Table(
             [Column('loop'), *(Column(name, '', '.4g') for name in loops)], rows,
             caption=(
@@ -230,6 +237,10 @@ def _curve(sweeps: Sequence[FrequencyResponse], unit: str) -> ResponseCurve:
         for name in ('frequency_hz', 'response', 'confidence_radius'))
     return ResponseCurve(
         f'{float(np.median(sweeps[-1].amplitude)):.2g} {unit}', frequency_hz, response, radius)
+
+
+def _resonance_hz(fit: DynamicsFit) -> float:
+    return fit.values['natural_frequency_2_rad_per_s'] / (2.0 * math.pi)
 
 
 def _loop_curve(loop: StaticLoop, label: str) -> Loop:

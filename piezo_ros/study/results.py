@@ -117,6 +117,7 @@ class PaperResults:
     hysteresis: HysteresisFit
     bare_responses: tuple[tuple[FrequencyResponse, ...], ...]  # by amplitude, slow and fast sweep
     compensated_responses: tuple[FrequencyResponse, ...]  # behind the published inverse
+    wide_response: FrequencyResponse  # a small amplitude, past the second resonance
     identified_responses: tuple[FrequencyResponse, ...]  # behind the identified one
     dynamics_published: DynamicsFit  # behind the published inverse
     dynamics: DynamicsFit  # behind the identified one

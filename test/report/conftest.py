@@ -12,6 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -49,7 +50,7 @@ def synthetic_run(
 
     run = SimpleNamespace(
         samples=samples, sample_period_s=sample_period_s, metadata=values, parameters={},
-        part=part, **arrays)
+        path=Path('no-bag'), part=part, **arrays)
     return run
 
 

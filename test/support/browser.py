@@ -20,7 +20,7 @@ from pathlib import Path
 
 import pytest
 
-__all__ = ['browser', 'needs_browser', 'open_page']
+__all__ = ['browser', 'needs_browser', 'open_page', 'why_no_browser']
 
 _CHROMIUM = next(filter(None, map(shutil.which, ('chromium', 'chromium-browser'))), None)
 
@@ -29,11 +29,16 @@ try:
 except ImportError:
     sync_playwright = None
 
+
+def why_no_browser():
+    """Return what is missing for `browser`, '' if nothing is."""
+    if _CHROMIUM is None:
+        return 'no chromium (apt-get install chromium)'
+    return '' if sync_playwright else 'no playwright (pip install playwright)'
+
+
 # For tests that use `browser`.
-needs_browser = pytest.mark.skipif(
-    _CHROMIUM is None or sync_playwright is None,
-    reason='no chromium (apt-get install chromium)' if _CHROMIUM is None
-    else 'no playwright (pip install playwright)')
+needs_browser = pytest.mark.skipif(bool(why_no_browser()), reason=why_no_browser())
 
 
 @contextmanager

@@ -41,7 +41,8 @@ from piezo_ros.identification.place.placed_stage import (
     Factors,
     Placement,
     placements,
-    simulate_placed,
+    simulate_behind,
+    simulate_driven,
 )
 from piezo_ros.model import (
     DynamicsParameters,
@@ -222,7 +223,7 @@ def decide_hysteresis_place(
     found: list[tuple[Candidate, NDArray[np.float64], list[NDArray[np.float64]]]] = []
     for choice in choices:
         refined = _refined(factors, choice, operator, train)
-        errors = [_error(stretch, refined, choice, operator) for stretch in held_out]
+        errors = _Simulation(choice, operator, held_out).errors(refined)
         squares = np.array([float(np.mean(error**2)) for error in errors])
         found.append((
             Candidate(
@@ -296,26 +297,57 @@ def _stretches(
     return stretches
 
 
-def _error(
-    stretch: _Stretch, factors: Factors, placement: Placement,
-    operator: MaxwellResistiveCapacitor,
-) -> NDArray[np.float64]:
-    """Return measured minus simulated displacement about its mean, as the sensor may drift."""
-    simulated = _settled(stretch, factors, placement, operator)
-    error = stretch.displacement_um - simulated[-stretch.displacement_um.size:]
-    return np.asarray(error - error.mean())
+class _Simulation:
+    """
+    Simulates stretches under one placement, as the dynamics change from call to call.
 
+    What the hysteresis gives is kept as long as nothing before it changes: most parameters of a
+    refinement are behind it.
+    """
 
-def _settled(
-    stretch: _Stretch, factors: Factors, placement: Placement,
-    operator: MaxwellResistiveCapacitor,
-) -> NDArray[np.float64]:
-    """Simulate a stretch from the first voltage at rest, so that there is no step at its start."""
-    first_v = stretch.voltage_v[0]
-    first_um = float(operator.forward(np.array([first_v]), stretch.state)[0][0])
-    return simulate_placed(
-        factors, placement, operator, stretch.voltage_v, stretch.sample_period_s, stretch.state,
-        rest=(first_v, first_um))
+    def __init__(
+        self, placement: Placement, operator: MaxwellResistiveCapacitor,
+        stretches: Sequence[_Stretch],
+    ) -> None:
+        self._placement = placement
+        self._operator = operator
+        self._stretches = stretches
+        self._rest = []
+        for stretch in stretches:
+            # From the first voltage at rest, so that there is no step at the start.
+            first_v = float(stretch.voltage_v[0])
+            first_um = float(operator.forward(np.array([first_v]), stretch.state)[0][0])
+            self._rest.append((first_v, first_um))
+        self._driven: dict[Factors, list[NDArray[np.float64]]] = {}
+
+    def errors(self, factors: Factors) -> list[NDArray[np.float64]]:
+        """Return measured minus simulated displacement about its mean, as the sensor may drift."""
+        errors = []
+        for stretch, rest, driven_um in zip(
+                self._stretches, self._rest, self._drive(factors), strict=True):
+            simulated_um = simulate_behind(
+                factors, self._placement, driven_um, stretch.voltage_v.size,
+                stretch.sample_period_s, rest[1])
+            error_um = stretch.displacement_um - simulated_um[-stretch.displacement_um.size:]
+            errors.append(np.asarray(error_um - error_um.mean()))
+        return errors
+
+    def _drive(self, factors: Factors) -> list[NDArray[np.float64]]:
+        place = self._placement
+        before = Factors(
+            1.0, tuple(factors.rates_rad_per_s[i] for i in place.rates),
+            tuple(factors.pairs[i] for i in place.pairs), delay_s=factors.delay_s)
+        driven_um = self._driven.pop(before, None)
+        if driven_um is None:
+            driven_um = [
+                simulate_driven(
+                    factors, place, self._operator, stretch.voltage_v, stretch.sample_period_s,
+                    stretch.state, rest=rest)
+                for stretch, rest in zip(self._stretches, self._rest, strict=True)]
+        # The newest last, the one before it first: that of the point between two differences.
+        self._driven = dict([*self._driven.items()][-1:])
+        self._driven[before] = driven_um
+        return driven_um
 
 
 def _refined(
@@ -343,10 +375,10 @@ def _refined(
                 for i, (w, z) in enumerate(factors.pairs)),
             zeros=(1.0, *coefficients))
 
+    simulation = _Simulation(placement, operator, train)
+
     def residual(vector: NDArray[np.float64]) -> NDArray[np.float64]:
-        now = changed(vector)
-        return np.concatenate([
-            _error(stretch, now, placement, operator) for stretch in train])
+        return np.concatenate(simulation.errors(changed(vector)))
 
     lower = np.full(size + zeros, -_FARTHEST)
     if zeros and factors.zeros[-1] > 0.0:

@@ -28,6 +28,7 @@ of both are (T: step of the grid)::
 import itertools
 import math
 from collections.abc import Iterator
+from functools import lru_cache
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -36,7 +37,9 @@ from scipy.signal import lfilter
 
 from piezo_ros.model import DynamicsParameters, MaxwellResistiveCapacitor
 
-__all__ = ['Factors', 'Placement', 'placements', 'simulate_placed']
+__all__ = [
+    'Factors', 'Placement', 'placements', 'simulate_behind', 'simulate_driven', 'simulate_placed',
+]
 
 _FINEST: Final = 8  # steps of the grid per sample period
 _RESOLVED: Final = 0.15  # rate times step of the grid up to which a lag counts as resolved
@@ -153,38 +156,125 @@ def simulate_placed(
         Displacement, micrometres; sample k before voltage k acts.
 
     """
+    driven_um = simulate_driven(
+        factors, placement, hysteresis, voltage_v, sample_period_s, state, finest=finest,
+        rest=rest)
+    return simulate_behind(factors, placement, driven_um, voltage_v.size, sample_period_s, rest[1])
+
+
+def simulate_driven(
+    factors: Factors, placement: Placement, hysteresis: MaxwellResistiveCapacitor,
+    voltage_v: NDArray[np.float64], sample_period_s: float,
+    state: NDArray[np.float64] | None = None, *, finest: int = _FINEST,
+    rest: tuple[float, float] = (0.0, 0.0),
+) -> NDArray[np.float64]:
+    """
+    Return what the hysteresis gives to the poles behind it, less its value at rest.
+
+    Parameters
+    ----------
+    factors, placement, hysteresis, voltage_v, sample_period_s, state, finest, rest
+        As for `simulate_placed`; of the factors, what is behind the hysteresis does not matter.
+
+    Returns
+    -------
+    ndarray, shape (m N,)
+        Micrometres, on the grid of m steps per sample period.
+
+    """
     rest_v, rest_um = rest
-    rates_before = [factors.rates_rad_per_s[i] for i in placement.rates]
-    pairs_before = [factors.pairs[i] for i in placement.pairs]
-    behind = _Modes.of(
-        [rate for i, rate in enumerate(factors.rates_rad_per_s) if i not in placement.rates],
-        [pair for i, pair in enumerate(factors.pairs) if i not in placement.pairs],
+    rates, pairs = _before(factors, placement)
+    steps = _grid_steps(factors, rates, pairs, sample_period_s, finest)
+    if not (rates or pairs):
+        return np.repeat(hysteresis.forward(voltage_v, state)[0] - rest_um, steps)
+    inner_v = rest_v + _modes(rates, pairs, (1.0,), 1.0).held(
+        np.repeat(voltage_v - rest_v, steps), sample_period_s / steps)
+    return np.asarray(hysteresis.forward(inner_v, state)[0] - rest_um)
+
+
+def simulate_behind(
+    factors: Factors, placement: Placement, driven_um: NDArray[np.float64], samples: int,
+    sample_period_s: float, rest_um: float = 0.0,
+) -> NDArray[np.float64]:
+    """
+    Return the displacement that follows from what the hysteresis gives.
+
+    Parameters
+    ----------
+    factors, placement, sample_period_s
+        As for `simulate_placed`.
+    driven_um : ndarray, shape (m N,)
+        What `simulate_driven` returned.
+    samples : int
+        N.
+    rest_um : float, optional
+        What the hysteresis gave at rest.
+
+    Returns
+    -------
+    ndarray, shape (N,)
+        Displacement, micrometres.
+
+    """
+    behind = _modes(
+        tuple(rate for i, rate in enumerate(factors.rates_rad_per_s) if i not in placement.rates),
+        tuple(pair for i, pair in enumerate(factors.pairs) if i not in placement.pairs),
         factors.zeros, factors.gain)
-    delay = factors.delay_s / sample_period_s
-    steps = 1 if abs(delay - round(delay)) < 1e-6 else finest
-    if not (rates_before or pairs_before):
-        held = np.repeat(hysteresis.forward(voltage_v, state)[0] - rest_um, steps)
-        fine = behind.held(held, sample_period_s / steps)
-    else:
-        fastest = max(*rates_before, *(pair[0] for pair in pairs_before), 0.0)
-        needed = math.ceil(fastest * sample_period_s / _RESOLVED)
-        steps = min(max(needed, steps, 2), finest)
-        before = _Modes.of(rates_before, pairs_before, (1.0,), 1.0)
-        inner_v = rest_v + before.held(
-            np.repeat(voltage_v - rest_v, steps), sample_period_s / steps)
-        fine = behind.straight(
-            hysteresis.forward(inner_v, state)[0] - rest_um, sample_period_s / steps)
-    shift = delay * steps
-    index = np.arange(voltage_v.size) * steps
+    steps = driven_um.size // samples
+    is_straight = bool(placement.rates or placement.pairs)
+    fine = (behind.straight if is_straight else behind.held)(driven_um, sample_period_s / steps)
+    shift = factors.delay_s / sample_period_s * steps
+    index = np.arange(samples) * steps
     fine = fine + factors.gain * rest_um
     if shift == 0.0:
         return np.asarray(fine[index])
     return np.asarray(np.interp(index - shift, np.arange(fine.size), fine))
 
 
+def _before(
+    factors: Factors, placement: Placement,
+) -> tuple[tuple[float, ...], tuple[tuple[float, float], ...]]:
+    """Return the real poles and the pairs before the hysteresis."""
+    return (
+        tuple(factors.rates_rad_per_s[i] for i in placement.rates),
+        tuple(factors.pairs[i] for i in placement.pairs))
+
+
+def _grid_steps(
+    factors: Factors, rates: tuple[float, ...], pairs: tuple[tuple[float, float], ...],
+    sample_period_s: float, finest: int,
+) -> int:
+    """Return the steps per sample period that resolve a delay and the poles before."""
+    delay = factors.delay_s / sample_period_s
+    steps = 1 if abs(delay - round(delay)) < 1e-6 else finest
+    if not (rates or pairs):
+        return steps
+    fastest = max(*rates, *(pair[0] for pair in pairs), 0.0)
+    needed = math.ceil(fastest * sample_period_s / _RESOLVED)
+    return min(max(needed, steps, 2), finest)
+
+
+@lru_cache(maxsize=4)  # many stretches of a record have one stage
+def _modes(
+    rates: tuple[float, ...], pairs: tuple[tuple[float, float], ...], zeros: tuple[float, ...],
+    gain: float,
+) -> '_Modes':
+    """Return the modes of a transfer function."""
+    poles = _poles(rates, pairs)
+    # gain n(s) prod(-p)/prod(s - p): the residue at p_i leaves out its own factor.
+    scale = gain * np.prod([-pole for pole in poles]) if poles else complex(gain)
+    residues = [
+        complex(
+            scale * np.polyval(zeros[::-1], pole)
+            / np.prod([pole - other for other in poles if other is not pole]))
+        for pole in poles]
+    is_even = len(zeros) - 1 == len(poles)
+    return _Modes(poles, residues, float((scale * zeros[-1]).real) if is_even else 0.0)
+
+
 def _poles(
-    rates: 'list[float] | tuple[float, ...]',
-    pairs: 'list[tuple[float, float]] | tuple[tuple[float, float], ...]',
+    rates: tuple[float, ...],
+    pairs: tuple[tuple[float, float], ...],
 ) -> list[complex]:
     poles = [complex(-rate) for rate in rates]
     for frequency, damping in pairs:
@@ -204,22 +294,6 @@ class _Modes(NamedTuple):
     poles: list[complex]
     residues: list[complex]
     direct: float
-
-    @classmethod
-    def of(
-        cls, rates: list[float], pairs: list[tuple[float, float]], zeros: tuple[float, ...],
-        gain: float,
-    ) -> '_Modes':
-        poles = _poles(rates, pairs)
-        # gain n(s) prod(-p)/prod(s - p): the residue at p_i leaves out its own factor.
-        scale = gain * np.prod([-pole for pole in poles]) if poles else complex(gain)
-        residues = [
-            complex(
-                scale * np.polyval(zeros[::-1], pole)
-                / np.prod([pole - other for other in poles if other is not pole]))
-            for pole in poles]
-        is_even = len(zeros) - 1 == len(poles)
-        return cls(poles, residues, float((scale * zeros[-1]).real) if is_even else 0.0)
 
     def held(self, values: NDArray[np.float64], step_s: float) -> NDArray[np.float64]:
         """Return the output for an input that is held."""

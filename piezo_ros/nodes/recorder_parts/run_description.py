@@ -21,7 +21,7 @@ from typing import Any
 from piezo_ros.bag.description import LOST_KEY
 from piezo_ros.nodes.recorder_parts.device_status import DeviceStatus
 from piezo_ros.nodes.recorder_parts.peer_parameters import PeerParameters
-from piezo_ros.parameters.node_parameters import LOOP_NODES, RecorderParameters
+from piezo_ros.parameters.node_parameters import LOOP_NODES
 from piezo_ros.parameters.parameter_file import parameters_yaml, read_parameter_file
 from piezo_ros.parameters.provenance import run_metadata
 from piezo_ros.parameters.role_parameters import full_name, moved_name
@@ -38,22 +38,24 @@ class RunDescription:
     ----------
     namespace : str
         Namespace of the nodes.
-    recording : RecorderParameters
-        The file with their parameters, and the namespace that they have in the bag.
+    parameters_file : str
+        File with their parameters, '' for none.
     peers : PeerParameters
         What the nodes have told; it counts more than the file.
     device : DeviceStatus, optional
         What the plant tells of its device, if it has one.
+    bag_namespace : str, optional
+        Namespace that they have in the bag, '' for the same.
 
     """
 
     def __init__(
-        self, namespace: str, recording: RecorderParameters, peers: PeerParameters,
-        device: DeviceStatus | None = None,
+        self, namespace: str, parameters_file: str, peers: PeerParameters,
+        device: DeviceStatus | None = None, bag_namespace: str = '',
     ) -> None:
         self._namespace = namespace
-        self._parameters_file = recording.parameters_file
-        self._bag_namespace = recording.bag_namespace
+        self._parameters_file = parameters_file
+        self._bag_namespace = bag_namespace
         self._peers = peers
         self._device = device
         self._told: tuple[dict[str, str], str] | None = None

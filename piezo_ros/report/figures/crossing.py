@@ -16,7 +16,7 @@
 
 import math
 from collections.abc import Sequence
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -27,7 +27,13 @@ from matplotlib.patches import Patch
 from numpy.typing import ArrayLike
 
 from piezo_ros.report.figures.panels import add_head, panel_grid, percent_axis
-from piezo_ros.report.figures.style import INK, figure_style, scheme_colour
+from piezo_ros.report.figures.style import (
+    INK,
+    SCHEME_MARKERS,
+    figure_style,
+    scheme_colour,
+    scheme_line_style,
+)
 from piezo_ros.report.labels import scheme_label
 
 __all__ = ['CrossingRow', 'crossing_figure']
@@ -93,8 +99,7 @@ def crossing_figure(rows: Sequence[CrossingRow]) -> Figure:
             errors = {'ff': row.ff_percent, 'fbff': row.fbff_percent}
             _published_band(panel, row.published_band_hz)
             for scheme, percent in errors.items():
-                panel.plot(frequency_hz, np.asarray(percent), color=scheme_colour(scheme),
-                           marker='o', markersize=2.6)
+                panel.plot(frequency_hz, np.asarray(percent), **_mark(scheme))
             if row.crossing_hz is not None:
                 level = math.exp(np.interp(
                     row.crossing_hz, frequency_hz, np.log(np.asarray(row.ff_percent))))
@@ -107,14 +112,19 @@ def crossing_figure(rows: Sequence[CrossingRow]) -> Figure:
         _all_crossings(summary, rows)
         summary.sharex(panels[0])
         handles: list[Artist] = [
-            Line2D([], [], color=scheme_colour(scheme), marker='o', markersize=2.6,
-                   label=scheme_label(scheme))
+            Line2D([], [], label=scheme_label(scheme), **_mark(scheme))
             for scheme in ('ff', 'fbff')]
         add_head(figure, [
             *handles, Line2D([], [], color=INK, marker='D', markersize=6.0, linestyle='none',
                              label='equal, here'),
             Patch(color=INK, alpha=_BAND_ALPHA * 1.6, linewidth=0, label='equal, in the paper')])
     return figure
+
+
+def _mark(scheme: str) -> dict[str, Any]:
+    return {
+        'color': scheme_colour(scheme), 'linestyle': scheme_line_style(scheme),
+        'marker': SCHEME_MARKERS[scheme], 'markersize': 2.6}
 
 
 def _published_band(panel: Axes, band_hz: tuple[float, float] | None) -> None:

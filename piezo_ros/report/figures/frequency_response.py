@@ -34,13 +34,19 @@ from piezo_ros.report.figures.panels import (
     legend_grid,
     logarithmic_frequency_axis,
 )
-from piezo_ros.report.figures.style import INK, LINE_STYLES, MANY_POINTS, SERIES, figure_style
+from piezo_ros.report.figures.style import (
+    INK,
+    LINE_STYLES,
+    MANY_POINTS,
+    MARKERS,
+    SERIES,
+    figure_style,
+)
 
 __all__ = ['MagnitudeAndPhase', 'ResponseCurve', 'magnitude_and_phase', 'response_figure']
 
 # A response of a larger range than this is shown in decibels.
 _LINEAR_RANGE: Final = 8.0
-_MARKERS: Final = ('o', 's', '^', 'D', 'v', 'P')
 
 
 class ResponseCurve(NamedTuple):
@@ -144,6 +150,7 @@ def magnitude_and_phase(curve: ResponseCurve) -> MagnitudeAndPhase:
 
 def response_figure(
     curves: Sequence[ResponseCurve], *, title: str, unit: str = '',
+    decibels: bool | None = None,
 ) -> Figure:
     """
     Draw frequency responses, magnitude over phase (Fig. 6, 7 and 9 in Liu 2015).
@@ -157,12 +164,14 @@ def response_figure(
         Heading.
     unit : str, optional
         Unit of the magnitude; empty for a ratio of displacements.
+    decibels : bool, optional
+        Whether the magnitude is in decibels; by default where it spans more than a factor of
+        eight.
 
     Returns
     -------
     Figure
-        Magnitude (linear, or in decibels where it spans more than a factor of eight) and phase
-        in degrees over a logarithmic frequency.
+        Magnitude and phase in degrees over a logarithmic frequency.
 
     Raises
     ------
@@ -179,7 +188,8 @@ def response_figure(
     polars = [magnitude_and_phase(curve) for curve in curves]
     largest = max(float(polar.magnitude.max()) for polar in polars)
     smallest = min(float(polar.magnitude.min()) for polar in polars)
-    decibels = smallest <= 0.0 or largest / smallest > _LINEAR_RANGE
+    if decibels is None:
+        decibels = smallest <= 0.0 or largest / smallest > _LINEAR_RANGE
     points = sum(curve.style == 'points' and polar.magnitude.size
                  for curve, polar in zip(curves, polars, strict=True))
     legend = legend_grid([curve.label for curve in curves])
@@ -223,7 +233,7 @@ def _looks(curves: Sequence[ResponseCurve]) -> list[_Look]:
         colour = INK if curve.style == 'line' and not paired else SERIES[number % len(SERIES)]
         looks.append(_Look(
             colour, 'solid' if paired else LINE_STYLES[number % len(LINE_STYLES)],
-            _MARKERS[number % len(_MARKERS)]))
+            MARKERS[number % len(MARKERS)]))
     return looks
 
 

@@ -31,6 +31,7 @@ from piezo_ros.report.score import ScoredRun
 __all__ = ['Loop', 'hysteresis_figure', 'loops_figure', 'straight_line_deviation']
 
 _SHOWN_SAMPLES: Final = 2000
+_NM_PER_UM: Final = 1e3
 
 
 class Loop(NamedTuple):
@@ -77,7 +78,7 @@ def loops_figure(uncompensated: Loop, compensated: Loop) -> Figure:
     -------
     Figure
         The loops with their nonlinearity beside the published one; below each its deviation from
-        a straight line, on a common scale.
+        a straight line in nanometres, each on its own scale.
 
     """
     published = (paper.UNCOMPENSATED_NONLINEARITY_PERCENT, paper.COMPENSATED_NONLINEARITY_PERCENT)
@@ -85,8 +86,8 @@ def loops_figure(uncompensated: Loop, compensated: Loop) -> Figure:
     with figure_style():
         figure = Figure(figsize=(WIDTH_IN, 5.0))
         axes = figure.subplots(
-            2, 2, sharey='row', sharex='col',
-            gridspec_kw={'height_ratios': (3, 1), 'hspace': 0.12, 'wspace': 0.08, 'left': 0.1,
+            2, 2, sharex='col',
+            gridspec_kw={'height_ratios': (3, 1.3), 'hspace': 0.2, 'wspace': 0.16, 'left': 0.1,
                          'right': 0.985, 'top': 0.945, 'bottom': 0.1})
         for column, (loop, numbers, title, colour) in enumerate(zip(
                 (uncompensated, compensated), published, titles, (SERIES[3], SERIES[0]),
@@ -105,10 +106,15 @@ def loops_figure(uncompensated: Loop, compensated: Loop) -> Figure:
             for height, words, weight in text:
                 top.text(0.98, height, words, transform=top.transAxes, ha='right', va='bottom',
                          color=colour if weight == 'bold' else INK, fontweight=weight)
-            bottom.plot(abscissa, deviation, color=colour, linewidth=1.0)
+            bottom.plot(abscissa, _NM_PER_UM * deviation, color=colour, linewidth=1.0)
+            bottom.set_title(
+                f'largest {_NM_PER_UM * np.abs(deviation).max():.3g} nm', loc='right',
+                fontsize=9.0, pad=2)
             bottom.set_xlabel(loop.input_label)
         axes[0, 0].set_ylabel('displacement (µm)')
-        axes[1, 0].set_ylabel('deviation (µm)')
+        axes[1, 0].set_ylabel('deviation (nm)')
+        # Each its own scale: what the inverse leaves is a fiftieth of what it takes away.
+        axes[1, 1].tick_params(labelleft=True)
         figure.align_ylabels()
     return figure
 

@@ -26,7 +26,13 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from piezo_ros.report.figures.panels import add_head, panel_grid, percent_axis
-from piezo_ros.report.figures.style import INK, figure_style, scheme_colour
+from piezo_ros.report.figures.style import (
+    INK,
+    SCHEME_MARKERS,
+    figure_style,
+    scheme_colour,
+    scheme_line_style,
+)
 from piezo_ros.report.labels import scheme_label
 from piezo_ros.report.score import ScoredRun
 
@@ -35,9 +41,7 @@ __all__ = ['TableCell', 'nrmse_figure', 'table_4_figure']
 _BAND_ALPHA: Final = 0.13
 _TABLE_4_SCHEMES: Final = ('ff', 'fbff')
 # Any: Matplotlib's types do not accept a dictionary of settings.
-_OWN_MARK: Final[Any] = {'marker': 'o', 'markersize': 3.6}
-_PAPER_MARK: Final[Any] = {
-    'linestyle': 'none', 'marker': 'o', 'markersize': 7.0, 'markerfacecolor': 'none'}
+_PAPER_MARK: Final[Any] = {'linestyle': 'none', 'markersize': 7.0, 'markerfacecolor': 'none'}
 
 
 class TableCell(NamedTuple):
@@ -69,7 +73,7 @@ def nrmse_figure(runs: Sequence[ScoredRun]) -> Figure:
     -------
     Figure
         One panel for each amplitude, at most three in a row; the runs as lines, the published
-        numbers as open circles.
+        numbers as open marks.
 
     Raises
     ------
@@ -110,7 +114,7 @@ def table_4_figure(
     Returns
     -------
     Figure
-        One panel for each amplitude, our errors as lines and the published ones as open circles. A
+        One panel for each amplitude, our errors as lines and the published ones as open marks. A
         last panel plots our errors over the published ones.
 
     Raises
@@ -138,19 +142,29 @@ def table_4_figure(
             for scheme in _TABLE_4_SCHEMES:
                 colour = scheme_colour(scheme)
                 panel.plot(frequency_hz, [getattr(cell, scheme) for cell in selected],
-                           color=colour, **_OWN_MARK)
+                           **_own_mark(scheme))
                 panel.plot(frequency_hz, [getattr(cell, f'paper_{scheme}') for cell in selected],
-                           markeredgecolor=colour, **_PAPER_MARK)
+                           markeredgecolor=colour, marker=_marker(scheme), **_PAPER_MARK)
             panel.set_title(f'{amplitude_um:g} µm', loc='left', fontsize=9.5, pad=3)
         percent_axis(panels[0])
         _ours_against_published(summary, cells)
         handles = _scheme_handles(_TABLE_4_SCHEMES)
-        handles.append(Line2D([], [], markeredgecolor=INK, label='paper', **_PAPER_MARK))
+        handles.append(_paper_handle())
         if mark_winners and not all(cell.same_winner for cell in cells):
             handles.append(
                 Patch(color=INK, alpha=_BAND_ALPHA, linewidth=0, label='another winner'))
         add_head(figure, handles, title)
     return figure
+
+
+def _marker(scheme: str) -> str:
+    return SCHEME_MARKERS.get(scheme, 'v')
+
+
+def _own_mark(scheme: str) -> dict[str, Any]:
+    return {
+        'color': scheme_colour(scheme), 'linestyle': scheme_line_style(scheme),
+        'marker': _marker(scheme), 'markersize': 3.6}
 
 
 def _schemes(runs: Sequence[ScoredRun]) -> list[str]:
@@ -163,31 +177,34 @@ def _draw_runs(panel: Axes, runs: Sequence[ScoredRun]) -> None:
                           key=lambda run: run.frequency_hz)
         colour = scheme_colour(scheme)
         frequency_hz = np.array([run.frequency_hz for run in selected])
-        panel.plot(frequency_hz, [run.nrmse_percent for run in selected], color=colour,
-                   **_OWN_MARK)
+        panel.plot(frequency_hz, [run.nrmse_percent for run in selected], **_own_mark(scheme))
         panel.plot(
             frequency_hz, np.array([run.paper_nrmse_percent for run in selected], dtype=float),
-            markeredgecolor=colour, **_PAPER_MARK)
+            markeredgecolor=colour, marker=_marker(scheme), **_PAPER_MARK)
 
 
 def _nrmse_handles(runs: Sequence[ScoredRun]) -> list[Artist]:
     handles = _scheme_handles(_schemes(runs))
     if any(run.paper_nrmse_percent is not None for run in runs):
-        handles.append(Line2D([], [], markeredgecolor=INK, label='paper', **_PAPER_MARK))
+        handles.append(_paper_handle())
     return handles
 
 
 def _scheme_handles(schemes: Sequence[str]) -> list[Artist]:
     return [
-        Line2D([], [], color=scheme_colour(scheme), label=scheme_label(scheme), **_OWN_MARK)
-        for scheme in schemes]
+        Line2D([], [], label=scheme_label(scheme), **_own_mark(scheme)) for scheme in schemes]
+
+
+def _paper_handle() -> Artist:
+    return Line2D([], [], markeredgecolor=INK, marker='o', label='paper', **_PAPER_MARK)
 
 
 def _ours_against_published(panel: Axes, cells: Sequence[TableCell]) -> None:
     for scheme in _TABLE_4_SCHEMES:
         panel.plot([getattr(cell, f'paper_{scheme}') for cell in cells],
-                   [getattr(cell, scheme) for cell in cells], linestyle='none', marker='o',
-                   markersize=3.2, color=scheme_colour(scheme), alpha=0.75, markeredgewidth=0)
+                   [getattr(cell, scheme) for cell in cells], linestyle='none',
+                   marker=_marker(scheme), markersize=3.2, color=scheme_colour(scheme),
+                   alpha=0.75, markeredgewidth=0)
     errors = np.array([cell[2:] for cell in cells])
     limits = 0.85 * float(errors.min()), 1.18 * float(errors.max())
     panel.plot(limits, limits, color=INK, linewidth=0.8)

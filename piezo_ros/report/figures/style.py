@@ -26,29 +26,37 @@ __all__ = [
     'GRID',
     'INK',
     'LINE_STYLES',
+    'MARKERS',
     'MANY_POINTS',
     'SCHEME_COLOURS',
+    'SCHEME_MARKERS',
     'SERIES',
     'figure_style',
     'scheme_colour',
+    'scheme_line_style',
 ]
 
 INK: Final = '#1f2328'
 GRID: Final = '#d8dee4'
 BACKGROUND: Final = '#ffffff'
-FAINT: Final = '#7f90a6'
+FAINT: Final = '#66768c'
 
-# Okabe and Ito's colours, distinct with any colour vision. A scheme has one colour in all figures.
+# The hues of Okabe and Ito, distinct with any colour vision, dark enough for a contrast of 4.5 on
+# white. A scheme has one colour and one line style in all figures.
 SCHEME_COLOURS: Final = {
-    'fb': '#d55e00',
-    'ff': '#0072b2',
-    'fbff': '#009e73',
-    'open_loop': '#aa4499',
+    'fb': '#b54a00',
+    'ff': '#006ba6',
+    'fbff': '#007a58',
+    'open_loop': '#993b88',
 }
+_SCHEME_LINE_STYLES: Final = {
+    'ff': 'solid', 'fbff': 'dashed', 'fb': 'dashdot', 'open_loop': 'dotted'}
+SCHEME_MARKERS: Final = {'ff': 'o', 'fbff': 's', 'fb': '^', 'open_loop': 'D'}
 _OTHER_SCHEME: Final = '#7a6a00'
-# In order, for amplitudes and the like. Visible on a light page and on a dark one, because a
-# rasterised point cannot change its colour.
-SERIES: Final = ('#3567c0', '#8453bd', '#c04592', '#dc5f50', '#cf8520', '#968c10')
+# In order, for amplitudes and the like; contrast as above.
+SERIES: Final = ('#3567c0', '#8453bd', '#b53a86', '#c4402f', '#9a6200', '#6f6800')
+# One for each colour of SERIES, so that a curve is known without its colour.
+MARKERS: Final = ('o', 's', '^', 'D', 'v', 'P')
 LINE_STYLES: Final = ('solid', 'dashed', 'dotted', 'dashdot')
 # More points than this are rasterised: each would be an element of the page.
 MANY_POINTS: Final = 2500
@@ -100,3 +108,24 @@ def figure_style(salt: str = 'piezo_ros') -> Iterator[None]:
 def scheme_colour(scheme: str) -> str:
     """Return the colour of a control scheme, '#rrggbb'."""
     return SCHEME_COLOURS.get(scheme, _OTHER_SCHEME)
+
+
+def scheme_line_style(scheme: str, earlier: int = 0) -> str:
+    """
+    Return the line style of a run.
+
+    Parameters
+    ----------
+    scheme : str
+        Its control scheme.
+    earlier : int, optional
+        Runs before it with the same scheme, and so the same colour, in the same figure.
+
+    Returns
+    -------
+    str
+        One of `LINE_STYLES`.
+
+    """
+    first = LINE_STYLES.index(_SCHEME_LINE_STYLES.get(scheme, 'solid'))
+    return LINE_STYLES[(first + earlier) % len(LINE_STYLES)]

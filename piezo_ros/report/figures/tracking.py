@@ -21,11 +21,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from piezo_ros.report.figures.panels import WIDTH_IN
-from piezo_ros.report.figures.style import INK, LINE_STYLES, figure_style, scheme_colour
+from piezo_ros.report.figures.style import INK, figure_style, scheme_colour, scheme_line_style
 from piezo_ros.report.labels import run_label
 from piezo_ros.report.score import ScoredRun
 
-__all__ = ['error_figure', 'error_limits_um', 'tracking_figure']
+__all__ = ['error_figure', 'error_limits_um', 'run_line_style', 'tracking_figure']
 
 _HEADROOM: Final = 1.08
 # The rows of errors have one scale as long as the smallest error fills a quarter of it.
@@ -64,7 +64,7 @@ def tracking_figure(runs: Sequence[ScoredRun]) -> Figure:
         top.plot(runs[0].window_ms, runs[0].reference_um, color=INK, alpha=0.22, linewidth=4.5,
                  solid_joinstyle='round', label='desired')
         for run in runs:
-            style = _line_style(run, runs)
+            style = run_line_style(run, runs)
             colour, label = scheme_colour(run.scheme), run_label(run, runs)
             top.plot(run.window_ms, run.displacement_um, color=colour, linestyle=style, label=label)
             bottom.plot(run.window_ms, run.error_um, color=colour, linestyle=style, linewidth=1.1)
@@ -155,7 +155,7 @@ def _symmetric(axes: Axes, limit: float) -> None:
         axes.set_ylim(-limit, limit)
 
 
-def _line_style(run: ScoredRun, runs: Sequence[ScoredRun]) -> str:
-    """Return a line style that distinguishes a run from earlier runs of its scheme and colour."""
+def run_line_style(run: ScoredRun, runs: Sequence[ScoredRun]) -> str:
+    """Return the line style of a run: that of its scheme, another one for a second run of it."""
     earlier = sum(other.scheme == run.scheme for other in runs[:runs.index(run)])
-    return LINE_STYLES[earlier % len(LINE_STYLES)]
+    return scheme_line_style(run.scheme, earlier)

@@ -15,13 +15,21 @@
 
 from typing import Final
 
-from piezo_ros.report.figures.style import BACKGROUND, GRID, INK, SCHEME_COLOURS, SERIES
+from piezo_ros.report.figures.style import (
+    BACKGROUND,
+    FAINT,
+    GRID,
+    INK,
+    SCHEME_COLOURS,
+    SERIES,
+)
 
 __all__ = ['PAGE_COLOURS', 'page_colour']
 
 # Colour of a figure -> its value on the page. report.css sets the variables for light and dark
 # systems.
-PAGE_COLOURS: Final = {INK: 'currentColor', GRID: 'var(--grid)', BACKGROUND: 'none'} | {
+PAGE_COLOURS: Final = {
+    INK: 'currentColor', GRID: 'var(--grid)', FAINT: 'var(--faint)', BACKGROUND: 'none'} | {
     colour: f'var(--{scheme.replace("_", "-")}, {colour})'
     for scheme, colour in SCHEME_COLOURS.items()} | {
     colour: f'var(--series-{number}, {colour})' for number, colour in enumerate(SERIES, start=1)}

@@ -20,11 +20,17 @@ from functools import partial
 from typing import Final
 
 from piezo_ros.report.comparison import Case, agreement, cases
+from piezo_ros.report.figures.error_spectrum import (
+    NM_PER_UM,
+    error_spectrum_figure,
+    run_error_harmonics,
+)
 from piezo_ros.report.figures.harmonics import HarmonicsCurve, harmonics_figure
 from piezo_ros.report.figures.hysteresis import hysteresis_figure
 from piezo_ros.report.figures.nrmse import nrmse_figure
 from piezo_ros.report.figures.tracking import error_figure, tracking_figure
-from piezo_ros.report.labels import scheme_label
+from piezo_ros.report.figures.voltage import voltage_figure
+from piezo_ros.report.labels import run_label, scheme_label
 from piezo_ros.report.page.content import (
     Cell,
     Column,
@@ -38,6 +44,13 @@ from piezo_ros.report.page.content import (
     Value,
 )
 from piezo_ros.report.page.rendering import render
+from piezo_ros.report.page.run_charts import (
+    error_panels,
+    spectrum_panels,
+    starts_of,
+    tracking_panels,
+    voltage_panels,
+)
 from piezo_ros.report.page.tables import row_groups
 from piezo_ros.report.run_tables import SCORE_COLUMNS, score_values
 from piezo_ros.report.score import ScoredRun
@@ -53,6 +66,7 @@ __all__ = [
 
 # A campaign has dozens of cases: the figures of the later ones are folded at first.
 _OPEN_CASES: Final = 3
+_FEW_RUNS: Final = 12
 _COLUMNS: Final = (Column('scheme'), *SCORE_COLUMNS, Column('bag'))
 
 
@@ -112,7 +126,8 @@ def results_section(runs: Sequence[ScoredRun], csv_path: str) -> Section:
     # A template of its own: the file at csv_path has more columns than a file of this table would.
     return Section('results', 'Results', [render(
         'results', csv_path=csv_path, columns=_COLUMNS,
-        groups=row_groups(Table(_COLUMNS, rows, 'Results')))])
+        groups=row_groups(Table(_COLUMNS, rows, 'Results'))),
+        Fold('Gains and dates', [_setup_table(runs)], is_open=len(runs) <= _FEW_RUNS)])
 
 
 def loop_section() -> Section:
@@ -212,14 +227,55 @@ def pictures_section(runs: Sequence[ScoredRun]) -> Section:
 
 
 def _pictures(case: Case) -> list[Picture]:
-    name = case.name
-    return [
-        Picture(f'tracking-{name}', 'Desired and measured displacement, and below their '
-                'difference.', partial(tracking_figure, case.runs)),
+    name, runs = case.name, case.runs
+    pictures = [
+        Picture(f'tracking-{name}', 'Desired and measured displacement, and below them the errors.',
+                partial(tracking_figure, runs), partial(tracking_panels, runs)),
         Picture(f'error-{name}', 'Error of each run; rows far apart in size have their own scale.',
-                partial(error_figure, case.runs)),
+                partial(error_figure, runs), partial(error_panels, runs)),
+        Picture(f'spectrum-{name}', _spectrum_caption(runs),
+                partial(error_spectrum_figure, runs), partial(spectrum_panels, runs)),
+        Picture(f'voltage-{name}', 'Voltage at the input of the amplifier, as a deviation from the '
+                'operating point; marked where the amplifier slews or is at a rail.',
+                partial(voltage_figure, runs), partial(voltage_panels, runs)),
         Picture(f'hysteresis-{name}', 'Displacement over the voltage at the input of the '
-                'amplifier.', partial(hysteresis_figure, case.runs))]
+                'amplifier.', partial(hysteresis_figure, runs))]
+    starts = starts_of(runs)
+    if starts:
+        pictures.append(Picture(
+            f'start-{name}', 'The transient: displacement and error over the first periods, which '
+            'are not scored.', partial(tracking_figure, starts), partial(tracking_panels, starts)))
+    return pictures
+
+
+def _spectrum_caption(runs: Sequence[ScoredRun]) -> str:
+    rests = ', '.join(
+        f'{run_label(run, runs)} {NM_PER_UM * run_error_harmonics(run).rest_rms_um:.3g} nm'
+        for run in runs)
+    return (
+        'Amplitude of the error at each harmonic of the reference. RMS of what is at none of them '
+        f'(noise, drift, higher harmonics): {rests}.')
+
+
+def _setup_table(runs: Sequence[ScoredRun]) -> Table:
+    """Return gains and dates of the runs; a column that no run knows is left out."""
+    columns = [
+        Column('scheme'), Column('kP', '', '.4g'), Column('kI', '1/s', '.4g'),
+        Column('recorded', 'UTC'), Column('changes during the run'), Column('bag')]
+    rows: list[list[Value | Cell] | Heading] = []
+    for case in cases(runs):
+        rows.append(Heading(case.title))
+        rows.extend([
+            Cell(scheme_label(run.scheme), scheme=run.scheme), run.setup.proportional_gain,
+            run.setup.integral_gain_per_s, run.setup.recorded or None, run.setup.changes or None,
+            Cell(run.bag, link=run.bag)] for run in case.runs)
+    kept = [
+        number for number in range(len(columns))
+        if any(row[number] is not None for row in rows if not isinstance(row, Heading))]
+    return Table(
+        [columns[number] for number in kept],
+        [row if isinstance(row, Heading) else [row[number] for number in kept] for row in rows],
+        'Gains of the feedback and time of recording, as the bags tell them.', 'gains')
 
 
 def _row(run: ScoredRun) -> list[Value | Cell]:

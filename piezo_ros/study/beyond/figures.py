@@ -24,7 +24,14 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from piezo_ros.report.figures.panels import WIDTH_IN, panel_grid, percent_axis
-from piezo_ros.report.figures.style import FAINT, INK, SCHEME_COLOURS, SERIES, figure_style
+from piezo_ros.report.figures.style import (
+    FAINT,
+    INK,
+    MARKERS,
+    SCHEME_COLOURS,
+    SERIES,
+    figure_style,
+)
 from piezo_ros.study.beyond.results import CellResult
 
 __all__ = ['bars_figure', 'certificate_figure', 'learning_figure', 'prediction_figure']
@@ -115,16 +122,16 @@ def learning_figure(cells: Sequence[CellResult]) -> Figure:
     """
     rows = _by_amplitude(cells)
     frequencies_hz = sorted({cell.frequency_hz for cell in cells})
-    colours = dict(zip(frequencies_hz, SERIES, strict=False))
+    looks = dict(zip(frequencies_hz, zip(SERIES, MARKERS, strict=True), strict=False))
     with figure_style():
         figure, panels, _ = panel_grid(len(rows), x_label='run', y_label='true NRMSE (%)')
         for panel, (amplitude_um, row) in zip(panels, rows.items(), strict=True):
             for cell in row:
-                scan, colour = cell.scan, colours.get(cell.frequency_hz, INK)
+                scan, (colour, marker) = cell.scan, looks.get(cell.frequency_hz, (INK, 'x'))
                 errors = [run.true_percent for run in scan.runs]
-                panel.plot(np.arange(len(errors)), errors, color=colour, marker='o',
+                panel.plot(np.arange(len(errors)), errors, color=colour, marker=marker,
                            markersize=3.0)
-                panel.plot(scan.best, errors[scan.best], linestyle='none', marker='o',
+                panel.plot(scan.best, errors[scan.best], linestyle='none', marker=marker,
                            markersize=7.5, markerfacecolor='none', markeredgecolor=colour)
                 panel.axhline(cell.best_known_percent, color=colour, linewidth=0.8,
                               linestyle='dotted')
@@ -132,8 +139,8 @@ def learning_figure(cells: Sequence[CellResult]) -> Figure:
             panel.set_title(f'{amplitude_um:g} µm', loc='left', fontsize=9.5, pad=3)
         percent_axis(panels[0])
         _finish(figure, [
-            *(Line2D([], [], color=colour, marker='o', markersize=3.0, label=f'{f:g} Hz')
-              for f, colour in colours.items()),
+            *(Line2D([], [], color=colour, marker=marker, markersize=3.0, label=f'{f:g} Hz')
+              for f, (colour, marker) in looks.items()),
             Line2D([], [], color=INK, linewidth=0.8, linestyle='dotted', label='best known')])
     return figure
 
@@ -152,22 +159,22 @@ def prediction_figure(cells: Sequence[CellResult]) -> Figure:
     with figure_style():
         figure, (panel,), _ = panel_grid(
             1, x_label='measured in the first run (%)', y_label='predicted by the plan (%)')
-        for (_, row), colour in zip(rows.items(), SERIES, strict=False):
+        for (_, row), colour, marker in zip(rows.items(), SERIES, MARKERS, strict=False):
             measured = np.array([cell.scan.runs[0].measured_percent for cell in row])
             predicted = np.array([cell.scan.plan.measured_nrmse_percent for cell in row])
             highest = np.array([cell.scan.plan.highest_nrmse_percent for cell in row])
             panel.errorbar(
                 measured, predicted, [np.zeros(len(row)), highest - predicted], linestyle='none',
-                marker='o', markersize=4.0, color=colour, elinewidth=0.9)
+                marker=marker, markersize=4.0, color=colour, elinewidth=0.9)
         largest = 1.15 * max(cell.scan.runs[0].measured_percent for cell in cells)
         least = 0.85 * min(cell.scan.plan.measured_nrmse_percent for cell in cells)
         panel.plot([least, largest], [least, largest], color=INK, linewidth=0.8)
         for which in ('x', 'y'):
             percent_axis(panel, which)
         _finish(figure, [
-            Line2D([], [], color=colour, linestyle='none', marker='o', markersize=4.0,
+            Line2D([], [], color=colour, linestyle='none', marker=marker, markersize=4.0,
                    label=f'{amplitude_um:g} µm')
-            for amplitude_um, colour in zip(rows, SERIES, strict=False)])
+            for amplitude_um, colour, marker in zip(rows, SERIES, MARKERS, strict=False)])
     return figure
 
 
@@ -184,18 +191,18 @@ def certificate_figure(cells: Sequence[CellResult]) -> Figure:
     rows = _by_amplitude(cells)
     with figure_style():
         figure, (panel,), _ = panel_grid(1, x_label='frequency (Hz)', y_label='gamma')
-        for (_, row), colour in zip(rows.items(), SERIES, strict=False):
+        for (_, row), colour, marker in zip(rows.items(), SERIES, MARKERS, strict=False):
             frequency_hz = [cell.frequency_hz for cell in row]
             panel.plot(frequency_hz, [cell.scan.plan.certificate.gamma for cell in row],
-                       color=colour, marker='o', markersize=4.0)
+                       color=colour, marker=marker, markersize=4.0)
             panel.plot(frequency_hz, [cell.scan.true_gamma for cell in row], color=colour,
                        linestyle='none', marker='x', markersize=4.5)
         panel.axhline(1.0, color=INK, linewidth=0.8, linestyle='dashed')
         panel.set_ylim(bottom=0.0)
         _finish(figure, [
-            *(Line2D([], [], color=colour, marker='o', markersize=4.0,
+            *(Line2D([], [], color=colour, marker=marker, markersize=4.0,
                      label=f'{amplitude_um:g} µm')
-              for amplitude_um, colour in zip(rows, SERIES, strict=False)),
+              for amplitude_um, colour, marker in zip(rows, SERIES, MARKERS, strict=False)),
             Line2D([], [], color=INK, linestyle='none', marker='x', markersize=4.5,
                    label='true')])
     return figure

@@ -30,11 +30,11 @@ def picture(name):
     figure.subplots().plot(time_ms, np.sin(time_ms))
     return Picture(name, 'A sine.', figure, panels=[
         Panel('time (ms)', 'displacement (µm)', [
-            Trace('FF', time_ms, np.sin(time_ms), '#0072b2', 'dashed'),
-            Trace('measured', time_ms[::7], np.cos(time_ms[::7]), '#d55e00', 'none', 'open')],
+            Trace('FF', time_ms, np.sin(time_ms), '#006ba6', 'dashed'),
+            Trace('measured', time_ms[::7], np.cos(time_ms[::7]), '#b54a00', 'none', 'open')],
             lines=[Line(0.5, 'limit'), Line(3.0, 'mark', axis='x')]),
         Panel('time (ms)', 'error (nm)', [
-            Trace('FF', time_ms, np.cos(time_ms), '#0072b2',
+            Trace('FF', time_ms, np.cos(time_ms), '#006ba6',
                   band=(np.cos(time_ms) - 0.2, np.cos(time_ms) + 0.2))], title='Error')])
 
 

@@ -28,7 +28,7 @@ def test_inline_svg_takes_its_colours_from_the_page(scored_runs):
     assert element.startswith('<svg viewBox=')
     assert 'aria-label="what it shows"' in element
     assert 'currentColor' in element
-    assert 'var(--fbff, #009e73)' in element
+    assert 'var(--fbff, #007a58)' in element
     assert 'http' not in element
 
 
