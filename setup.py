@@ -125,6 +125,7 @@ setup(
     include_package_data=False,
     package_data={
         PACKAGE: ['py.typed'],
+        f'{PACKAGE}.live.view': ['templates/*'],
         f'{PACKAGE}.runtime.process': ['*.xml'],
         f'{PACKAGE}.report.page': ['templates/*', 'static/*'],
         f'{PACKAGE}.study.beyond': ['best_known.csv'],

@@ -12,8 +12,9 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The layouts of PlotJuggler and Foxglove: of their form, and of topics that there are."""
+"""The layouts of PlotJuggler, Foxglove and rqt: of their form, and of topics that there are."""
 
+import ast
 import json
 import re
 import xml.etree.ElementTree as ElementTree
@@ -100,6 +101,28 @@ def test_a_plotjuggler_layout_selects_the_topics_that_it_plots(kind):
             element.get('value') if element.tag == 'selected_topics' else None)] if value]
     plotted = {re.split(r'/data', curve.get('name'))[0] for curve in root.iter('curve')}
     assert set(selected.split(';')) == plotted
+
+
+def test_the_rqt_perspective_plots_what_the_monitors_publish():
+    """Read as rqt reads it: values are literals of Python, plug-ins have a group each."""
+    document = json.loads((LAYOUTS / 'rqt.perspective').read_text(encoding='utf-8'))
+    manager = document['groups']['pluginmanager']
+
+    def value(entry):
+        assert entry['type'] == 'repr'
+        return ast.literal_eval(entry['repr'])
+
+    running = value(manager['keys']['running-plugins'])
+    assert running == {'rqt_plot/Plot': [1, 2, 3], 'rqt_service_caller/ServiceCaller': [1]}
+    assert manager['groups'].keys() == {
+        f'plugin__{name.replace("/", "__")}__{number}'
+        for name, numbers in running.items() for number in numbers}
+    plotted = [
+        topic for number in running['rqt_plot/Plot']
+        for topic in value(
+            manager['groups'][f'plugin__rqt_plot__Plot__{number}']['groups']['plugin']['keys'][
+                'topics'])]
+    assert sorted(plotted) == sorted(f'/monitor/{stream}/data' for stream in STREAMS)
 
 
 def test_the_paths_find_samples_in_a_bag_of_ours(tmp_path):

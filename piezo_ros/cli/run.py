@@ -19,10 +19,11 @@ import importlib
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from piezo_ros.bag import BagError
-from piezo_ros.cli.shared.progress import Progress
+from piezo_ros.cli.shared.exit_codes import EXIT_FAILED
+from piezo_ros.cli.shared.progress import Progress, ShownProgress
 from piezo_ros.experiment.campaign import run_campaign
 from piezo_ros.experiment.output_directory import prepare_directory
 from piezo_ros.experiment.plan import Plan, read_plan
@@ -33,6 +34,8 @@ from piezo_ros.report.run_tables import text_table
 
 if TYPE_CHECKING:
     from piezo_ros.experiment.raster.run_raster import Rigs
+    from piezo_ros.live.supervisor import Supervisor
+    from piezo_ros.live.view.live_view import LiveView
 
 __all__ = ['add_arguments', 'add_plan_arguments', 'check_ros', 'run_plan', 'run_scans', 'with_plan']
 
@@ -40,8 +43,11 @@ _EXAMPLES = """\
 examples:
   piezo run demo -o out/demo
   piezo run config/experiments/demo.yaml -o out/demo --composed --force
-  piezo simulate my_plan.yaml -o out/offline
+  piezo run demo -o out/demo --live --force
+  piezo simulate config/experiments/demo.yaml -o out/offline
+  piezo simulate demo -o out/offline        (the same, by its bare name)
 """
+_HIGHEST_PORT: Final = 65_535
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -60,6 +66,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='namespace of the nodes, / for the root (default: one of its own, so that several may '
         'run at once; bags have the root then)')
     parser.add_argument(
+        '--live', action='store_true',
+        help='serve a page on this machine alone that shows the run and may stop it; its address '
+        'is printed')
+    parser.add_argument(
+        '--live-port', type=_port, metavar='PORT',
+        help='port of that page (default: any that is free); implies --live')
+    parser.add_argument(
         '--yes', action='store_true',
         help='drive a real device without asking; needed where there is no terminal to ask on')
     parser.set_defaults(function=_run_live)
@@ -75,31 +88,35 @@ def add_plan_arguments(parser: argparse.ArgumentParser) -> None:
         '--force', action='store_true', help='replace an earlier output in DIR')
 
 
+def _port(text: str) -> int:
+    if not text.isdecimal() or int(text) > _HIGHEST_PORT:
+        raise argparse.ArgumentTypeError(
+            f'{text!r} is no port: allowed are 0, for any that is free, to {_HIGHEST_PORT}')
+    return int(text)
+
+
 def _run_live(options: argparse.Namespace) -> int:
+    views: list[LiveView] = []
+    exit_code = EXIT_FAILED
+
     def campaign(plan: Plan) -> int:
-        from piezo_ros.live.graph_per_run import GraphPerRun
-        from piezo_ros.live.kept_graph import KeptGraph
+        nonlocal exit_code
         from piezo_ros.live.supervisor import Supervisor
-        progress = Progress()
         if plan.scans and options.keep:
             raise CampaignError(
                 f'{plan.path} has raster scans, for which --keep is not there; --composed is')
+        view = views[0] if views else None
         with Supervisor(options.namespace) as supervisor:
-            if plan.scans:
-                from piezo_ros.experiment.plan.raster_scan import AXES
-                from piezo_ros.live.raster_rigs import RasterRigs
-                supervisor.exit_code = run_scans(plan, options.output, RasterRigs(
-                    supervisor, options.output, AXES, composed=options.composed,
-                    progress=progress.show), progress)
-                return supervisor.exit_code
-            if plan.study or options.keep:
-                # Hundreds of short runs: one composed graph is led through all of them.
-                graph: KeptGraph | GraphPerRun = KeptGraph(supervisor, options.output)
-            else:
-                graph = GraphPerRun(
-                    supervisor, options.output, composed=options.composed, progress=progress.show)
-            supervisor.exit_code = run_plan(plan, options.output, graph, progress)
-        return supervisor.exit_code
+            if view:
+                supervisor.observe(view)
+                print(f'piezo: live view: {view.address}', file=sys.stderr, flush=True)
+            try:
+                exit_code = _do_plan(plan, options, supervisor, view)
+            finally:
+                if view:
+                    view.close(exit_code)
+            supervisor.exit_code = exit_code
+        return exit_code
 
     def check(plan: Plan) -> None:
         check_ros(options.namespace)
@@ -107,8 +124,44 @@ def _run_live(options: argparse.Namespace) -> int:
             from piezo_ros.cli.shared.drive_question import check_devices
             check_devices(
                 plan, is_composed=options.composed or options.keep, is_agreed=options.yes)
+        if options.live or options.live_port is not None:
+            from piezo_ros.live.view.live_view import LiveView
+            views.append(LiveView(plan.title, len(plan.runs), port=options.live_port or 0))
 
-    return with_plan(options, campaign, check)
+    try:
+        return with_plan(options, campaign, check)
+    finally:
+        for view in views:
+            view.close(exit_code)
+
+
+def _do_plan(
+    plan: Plan, options: argparse.Namespace, supervisor: 'Supervisor', view: 'LiveView | None',
+) -> int:
+    """Do the runs or scans of a plan by a supervisor, and show them in a view."""
+    progress = ShownProgress(view) if view else Progress()
+    if plan.scans:
+        from piezo_ros.experiment.plan.raster_scan import AXES
+        from piezo_ros.live.raster_rigs import RasterRigs
+        rigs: Rigs = RasterRigs(
+            supervisor, options.output, AXES, composed=options.composed, progress=progress.show)
+        if view:
+            from piezo_ros.live.view.watched_runs import WatchedRigs
+            rigs = WatchedRigs(view, rigs, AXES, supervisor.forget_samples)
+        return run_scans(plan, options.output, rigs, progress)
+    run: Callable[[PlannedRun, Path], RunResult]
+    if plan.study or options.keep:
+        from piezo_ros.live.kept_graph import KeptGraph
+        # Hundreds of short runs: one composed graph is led through all of them.
+        run = KeptGraph(supervisor, options.output)
+    else:
+        from piezo_ros.live.graph_per_run import GraphPerRun
+        run = GraphPerRun(
+            supervisor, options.output, composed=options.composed, progress=progress.show)
+    if view:
+        from piezo_ros.live.view.watched_runs import WatchedRuns
+        run = WatchedRuns(view, run, supervisor.forget_samples)
+    return run_plan(plan, options.output, run, progress)
 
 
 def check_ros(namespace: str) -> None:

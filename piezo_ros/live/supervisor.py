@@ -32,6 +32,7 @@ from std_msgs.msg import String
 
 from piezo_ros.interruption import STOP_SIGNALS, was_interrupted
 from piezo_ros.live.node_status import BadStatusError, parse_status
+from piezo_ros.live.observation import Observation, Observer
 from piezo_ros.live.process_group import POLL_S, ProcessGroup
 from piezo_ros.parameters.errors import CampaignError
 from piezo_ros.parameters.role_parameters import full_name
@@ -83,6 +84,8 @@ class Supervisor:
         self.exit_code = 1
         self._stop = StopRequest()
         self._beside: list[Supervisor] = []
+        self._observer: Observer | None = None
+        self._observation: Observation | None = None
 
     def __enter__(self) -> 'Supervisor':
         """Listen to the status of the nodes; take over the stop signals."""
@@ -118,8 +121,24 @@ class Supervisor:
         other._stop = self._stop
         other._node = self._node
         other._subscribe(f'{name}/status')
+        if self._observer:
+            other._observe(self._observer, name)
         self._beside.append(other)
         return other
+
+    def observe(self, observer: Observer) -> None:
+        """Let an observer see the statuses and the newest samples, of rigs below as well."""
+        self._observe(observer, '')
+
+    def _observe(self, observer: Observer, rig: str) -> None:
+        self._observer = observer
+        self._observation = Observation(self._node, observer, rig)
+
+    def forget_samples(self) -> None:
+        """Drop the newest samples that were sent before now."""
+        for supervisor in (self, *self._beside):
+            if supervisor._observation:
+                supervisor._observation.drop()
 
     def __exit__(self, *_: object) -> None:
         """End the processes and give everything back."""
@@ -163,6 +182,8 @@ class Supervisor:
         """Take in what the nodes have said since the last time, without waiting."""
         while (taken := self._subscription.handle.take_message(String, False)) is not None:
             self._note(taken[0])
+        if self._observation:
+            self._observation.take()
 
     def create_client(self, service_type: Any, name: str) -> Any:
         """Create the client of a service, named below the namespace."""
@@ -211,6 +232,8 @@ class Supervisor:
                 f'refused a status: {error}', throttle_duration_sec=_WARN_S)
             return
         self.statuses[status['node']] = status
+        if self._observation:
+            self._observation.take_status(status)
 
 
 def how_it_ended(code: int) -> str:

@@ -15,8 +15,9 @@
 """Progress of long work: a bar on a terminal, plain lines elsewhere."""
 
 import sys
+from typing import Protocol
 
-__all__ = ['Progress']
+__all__ = ['Progress', 'ShownProgress']
 
 _WIDTH = 30
 
@@ -51,3 +52,37 @@ class Progress:
         if self._open:
             print(file=sys.stderr)
             self._open = False
+
+
+class _View(Protocol):
+    def announce(self, text: str) -> None:
+        ...
+
+    def show(self, share: float) -> None:
+        ...
+
+
+class ShownProgress(Progress):
+    """
+    Shows progress on standard error and in a view.
+
+    Parameters
+    ----------
+    view : LiveView
+        The view.
+
+    """
+
+    def __init__(self, view: _View) -> None:
+        super().__init__()
+        self._view = view
+
+    def announce(self, text: str) -> None:
+        """Show what begins now."""
+        super().announce(text)
+        self._view.announce(text)
+
+    def show(self, share: float) -> None:
+        """Show how much of it is done, 0 … 1."""
+        super().show(share)
+        self._view.show(share)
