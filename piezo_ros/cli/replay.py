@@ -23,7 +23,7 @@ import numpy as np
 
 from piezo_ros.bag import BagError, read
 from piezo_ros.cli.shared.bag_options import add_bag_options, bag_options
-from piezo_ros.cli.shared.exit_codes import EXIT_DONE, EXIT_FAILED, EXIT_LOSS, EXIT_USAGE
+from piezo_ros.cli.shared.exit_codes import EXIT_DONE, EXIT_FAILED, EXIT_LOSS
 from piezo_ros.control import SCHEMES, ControllerParameters
 from piezo_ros.experiment.plan.automatic import AUTO
 from piezo_ros.model import (
@@ -83,11 +83,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def _replay(options: argparse.Namespace) -> int:
     if options.output is not None:
         from piezo_ros.experiment.output_directory import prepare_directory
-        try:
-            prepare_directory(options.output, force=options.force)
-        except PlanError as error:
-            print(f'piezo: {error}', file=sys.stderr)
-            return EXIT_USAGE
+        prepare_directory(options.output, force=options.force)
     try:
         run = read(options.bag, **bag_options(options))
         result, others = _results(run, options)
@@ -96,7 +92,11 @@ def _replay(options: argparse.Namespace) -> int:
             print(_chosen(result, others))
         print(_origins(result, options))
         report = _report(result, options) if options.output is not None else None
-    except (BagError, PlanError, ValueError, OSError) as error:
+    except ParameterError as error:
+        raise PlanError(str(error)) from None
+    except PlanError:
+        raise
+    except (BagError, ValueError, OSError) as error:
         print(f'piezo: {failure_text(error)}', file=sys.stderr)
         return EXIT_FAILED
     print('next: -o DIR draws both runs and their difference' if report is None
