@@ -44,7 +44,8 @@ examples:
   piezo run demo -o out/demo
   piezo run config/experiments/demo.yaml -o out/demo --composed --force
   piezo run demo -o out/demo --live --force
-  piezo simulate my_plan.yaml -o out/offline
+  piezo simulate config/experiments/demo.yaml -o out/offline
+  piezo simulate demo -o out/offline        (the same, by its bare name)
 """
 _HIGHEST_PORT: Final = 65_535
 
