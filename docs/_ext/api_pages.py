@@ -128,6 +128,7 @@ def write_pages(app, config):
             path.write_text(text, encoding='utf-8')
         written |= {path, *(
             folder / f'{module.name}.{name}.rst' for name in module.own if module.is_package)}
+    # What autosummary wrote of a name stays as long as the name does.
     for path in {*folder.glob('*.rst')} - written:
         path.unlink()
 
