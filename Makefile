@@ -88,6 +88,7 @@ lint: $(TEST_READY)  ## style, types and tiers alone
 
 docs: $(DOCS_READY)  ## the documentation as a site, docs/_build/html; prints parameters.md and launch.md
 	$(BIN)/python -m piezo_ros.reference_pages docs
+	rm -rf docs/_build docs/generated
 	$(BIN)/sphinx-build -W --keep-going -b html docs docs/_build/html
 
 outputs: $(DEMO_READY)  ## print what docs/your-own-stage.md shows, by the commands that it names

@@ -30,6 +30,9 @@ if (HERE.parent / 'piezo_ros').is_dir():
     sys.path.insert(0, str(HERE.parent))
 # The folder of README.md and of the sources, also where docs/ was copied elsewhere.
 repository = str(Path(find_spec('piezo_ros').origin).parents[1])
+# For the kernels of the notebooks.
+os.environ['PYTHONPATH'] = os.pathsep.join(
+    filter(None, [repository, os.environ.get('PYTHONPATH', '')]))
 
 project = 'piezo_ros'
 project_copyright = '2026, piezo_ros maintainers'
@@ -50,13 +53,23 @@ extensions = [
     'sphinx.ext.autodoc', 'sphinx.ext.autosummary', _NUMPYDOC, _MARKDOWN,
     *filter(_is_there, ['sphinx_gallery.gen_gallery', 'sphinx_copybutton']),
     'api_pages', 'command_line', 'docstrings', 'repository_pages']
-rosdoc2_settings = {'allow_other_extensions': True, 'override_theme': False}
+# rosdoc2 names myst_parser for Markdown, which cannot be loaded beside myst_nb.
+source_suffix = {
+    '.rst': 'restructuredtext', '.md': 'markdown' if _MARKDOWN == 'myst_parser' else 'myst-nb'}
+rosdoc2_settings = {
+    'allow_other_extensions': True, 'override_theme': False,
+    'support_markdown': _MARKDOWN == 'myst_parser'}
 
 root_doc = 'index'
+# `name` in a docstring is a link where there is such a name.
+default_role = 'py:obj'
 exclude_patterns = [
     '_build', 'gallery', 'sg_execution_times.rst', '**/.ipynb_checkpoints',
     # Beside the pages of the gallery, for download.
-    'generated/gallery/*.ipynb']
+    'generated/gallery/*.ipynb',
+    # What rosdoc2 adds for packages without a site of their own.
+    'index.rst', 'README.md', 'CHANGELOG.rst', 'CONTRIBUTING.md', 'QUALITY_DECLARATION.md',
+    '__*.rst']
 templates_path = ['_templates']
 
 # API pages: one for each module, one for each name that a package offers.
@@ -84,8 +97,9 @@ suppress_warnings = ['ref.python']
 myst_heading_anchors = 4
 myst_enable_extensions = ['colon_fence', 'deflist', 'dollarmath']
 
-# Notebooks are run as the site is built, and an error in one ends the build.
-nb_execution_mode = 'cache'
+# Notebooks are run as the site is built, with the pictures inline; an error ends the build.
+os.environ.pop('MPLBACKEND', None)
+nb_execution_mode = 'force'
 nb_execution_raise_on_error = True
 nb_execution_timeout = 900
 # A kernel that does not warn of its own transport, which is that of this machine.

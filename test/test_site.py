@@ -98,7 +98,7 @@ def site(tmp_path_factory):
     built = subprocess.run(
         [sys.executable, '-m', 'sphinx', '-W', '--keep-going', '-q', '-b', 'html',
          folder / 'docs', folder / 'html'],
-        env=os.environ | {'PYTHONPATH': str(REPOSITORY), 'MPLBACKEND': 'agg'},
+        env=os.environ | {'PYTHONPATH': str(REPOSITORY)},
         capture_output=True, text=True, check=False)
     return folder / 'html', built
 
@@ -143,6 +143,19 @@ def test_the_site_has_no_dead_link(site):
     html, _ = site
     dead = dead_links(html)
     assert not dead, '\n'.join(dead)
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(3600)
+@pytest.mark.parametrize('page', [
+    *(f'notebooks/{path.stem}' for path in (DOCS / 'notebooks').glob('*.ipynb')),
+    *(f'generated/gallery/{path.stem}' for path in (DOCS / 'gallery').glob('plot_*.py'))])
+def test_a_page_that_is_run_shows_its_pictures(site, page):
+    html, _ = site
+    path = html / f'{page}.html'
+    pictures = [
+        link for link in Page(path.read_text(encoding='utf-8')).links if link.endswith('.png')]
+    assert pictures
 
 
 @pytest.mark.slow

@@ -72,6 +72,8 @@ def modules_of(package: Path) -> Iterator[Module]:
     """Yield every module of a package and of the packages in it, a package before its modules."""
     for path in sorted(package.rglob('*.py'), key=lambda path: path.with_suffix('').parts):
         parts = path.relative_to(package.parent).with_suffix('').parts
+        if parts[-1] == '__main__':  # runs as it is imported
+            continue
         is_package = parts[-1] == '__init__'
         tree = ast.parse(path.read_text(encoding='utf-8'))
         imported = {
@@ -128,6 +130,7 @@ def write_pages(app, config):
             path.write_text(text, encoding='utf-8')
         written |= {path, *(
             folder / f'{module.name}.{name}.rst' for name in module.own if module.is_package)}
+    # What autosummary wrote of a name stays as long as the name does.
     for path in {*folder.glob('*.rst')} - written:
         path.unlink()
 

@@ -22,7 +22,7 @@ from pathlib import Path
 from piezo_ros.cli.main import COMMANDS, argument_parser
 
 PAGE = Path('generated', 'command-line.rst')
-COLUMNS = 96
+COLUMNS = 80
 
 
 def parsers_below(parser: argparse.ArgumentParser) -> Iterator[argparse.ArgumentParser]:

@@ -43,7 +43,7 @@ print(f'reached: {", ".join(tuning.active_limits)}')
 # which draws the Bode plot with its margins.
 frequency_hz = np.geomspace(10.0, 4e4, 800)
 loop = control.frd(
-    shape.loop.loop(frequency_hz), 2.0 * np.pi * frequency_hz, smooth=False)
+    shape.loop.loop(frequency_hz), 2.0 * np.pi * frequency_hz, smooth=False, name='L')
 fig, axes = plt.subplots(2, 1, sharex=True, figsize=(8.0, 5.5), layout='constrained')
 control.bode_plot(
     loop, ax=axes, Hz=True, dB=True, display_margins=True)

@@ -104,6 +104,8 @@ def _learn(options: argparse.Namespace) -> int:
                     flush=True)
             if options.compare:
                 print(feedforward_comparison(learning, base, run), flush=True)
+    except PlanError:
+        raise
     except (BagError, CampaignError, ValueError, OSError) as error:
         print(f'piezo: {failure_text(error)}', file=sys.stderr)
         return EXIT_FAILED

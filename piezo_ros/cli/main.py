@@ -21,10 +21,13 @@ import errno
 import importlib
 import io
 import os
+import shutil
 import sys
+import textwrap
 from collections.abc import Sequence
 from typing import Final
 
+from piezo_ros.cli.shared.command_parser import CommandParser
 from piezo_ros.cli.shared.exit_codes import EXIT_FAILED, EXIT_USAGE
 from piezo_ros.crash_report import report_crashes
 from piezo_ros.interruption import Interruption, remembering_interruption, stopped_by
@@ -86,7 +89,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt as interrupt:
         print(f'piezo: {stopped_by(interrupt)}', file=sys.stderr)
     except PlanError as error:
-        print(f'piezo: {error}', file=sys.stderr)
+        print(_wrapped(f'piezo: {error}'), file=sys.stderr)
         return EXIT_USAGE
     except BrokenPipeError:
         # The reader of the output has gone: `piezo bag info BAG | head -1`. Python flushes at exit.
@@ -99,6 +102,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f'piezo: {failure_text(error)}', file=sys.stderr)
         _discard_output()
     return EXIT_FAILED
+
+
+def _wrapped(message: str) -> str:
+    """Break the lines of a long message on a terminal; elsewhere it stays one line."""
+    if not sys.stderr.isatty():
+        return message
+    return textwrap.fill(
+        message, shutil.get_terminal_size().columns, subsequent_indent='  ',
+        break_long_words=False, break_on_hyphens=False)
 
 
 def _discard_output() -> None:
@@ -144,7 +156,7 @@ class _Version(argparse.Action):
 
 def argument_parser(arguments: Sequence[str]) -> argparse.ArgumentParser:
     """Return a parser that knows the options of the command that is among some arguments."""
-    parser = argparse.ArgumentParser(
+    parser = CommandParser(
         prog='piezo', description='Piezo nano-positioning on ROS 2: run, analyse, report.')
     parser.add_argument(
         '--version', action=_Version, nargs=0, help='the version of this package')

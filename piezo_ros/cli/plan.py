@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from piezo_ros.cli.shared.exit_codes import EXIT_DONE, EXIT_FAILED, EXIT_USAGE
+from piezo_ros.cli.shared.outputs import check_output
 from piezo_ros.experiment.model_file import read_bound
 from piezo_ros.model import DynamicsParameters, HysteresisParameters, ParameterError, RigParameters
 from piezo_ros.parameters.errors import PlanError, failure_text
@@ -109,9 +110,7 @@ def _plan(options: argparse.Namespace) -> int:
     from piezo_ros.experiment.planned_scan import MOTION_SUFFIX
     outputs = (options.output, options.output.with_suffix(MOTION_SUFFIX))
     for path in outputs:
-        if path.exists() and not options.force:
-            print(f'piezo: {path} exists; --force replaces it', file=sys.stderr)
-            return EXIT_USAGE
+        check_output(path, force=options.force)
     is_scan = options.amplitude_um is not None and options.frequency_hz is not None
     if is_scan == (options.motion is not None):
         print(
@@ -126,7 +125,9 @@ def _plan(options: argparse.Namespace) -> int:
         notes = (f'models: {options.model}, {options.compensator}; limits: {options.plant}',)
         files = (_plan_scan if is_scan else _plan_motion)(
             options, plant, dynamics, hysteresis, notes)
-    except (PlanError, ValueError, OSError, ModuleNotFoundError) as error:
+    except PlanError:
+        raise
+    except (ValueError, OSError, ModuleNotFoundError) as error:
         print(f'piezo: {failure_text(error)}', file=sys.stderr)
         return EXIT_FAILED
     print(f'scan: {", ".join(map(str, files))}')

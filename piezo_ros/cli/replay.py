@@ -26,6 +26,7 @@ from piezo_ros.model import (
     CompensatorParameters,
     DynamicsParameters,
     HysteresisParameters,
+    ParameterError,
     ParameterSet,
     RigParameters,
 )
@@ -78,7 +79,11 @@ def _replay(options: argparse.Namespace) -> int:
             dynamics=_model(options.trajectory, 'trajectory', DynamicsParameters))
         print(_table(result))
         print(_origins(result, options))
-    except (BagError, PlanError, ValueError) as error:
+    except ParameterError as error:
+        raise PlanError(str(error)) from None
+    except PlanError:
+        raise
+    except (BagError, ValueError) as error:
         print(f'piezo: {error}', file=sys.stderr)
         return 1
     if result.same_samples and not result.is_faithful:

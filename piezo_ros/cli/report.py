@@ -102,21 +102,31 @@ def _report_runs(options: argparse.Namespace) -> int:
         if (value := getattr(options, name)) is not None}
     try:
         paths = [path for given in options.bags for path in _bags_below(given)]
-        runs = [open_recording(path, **bag_options(options)) for path in paths]
-        scored = []
-        for run, path in zip(runs, paths, strict=True):
-            if run.metadata.get('output') == 'voltage':
-                print(f'left out: {path}: the bare actuator follows no reference')
-            else:
-                scored.append(_scored(run, told, path, options))
+        runs: list[Recording] = []
+        scored: list[ScoredRun] = []
+        left_out: list[str] = []
+        for path in paths:
+            try:
+                run = open_recording(path, **bag_options(options))
+                if run.metadata.get('output') == 'voltage':
+                    print(f'left out: {path}: the bare actuator follows no reference')
+                else:
+                    scored.append(_scored(run, told, path, options))
+                runs.append(run)
+            except (BagError, ValueError) as error:
+                if len(paths) == 1:
+                    raise
+                left_out.append(f'left out: {error}')
         if not scored:
+            for line in left_out:
+                print(f'piezo: {line}', file=sys.stderr)
             raise ValueError(
                 f'{", ".join(map(str, options.bags))}: there is no run that follows a reference')
         prepare_directory(options.output, force=options.force)
         report = write_report(
             options.output, title=f'{len(scored)} recorded runs', runs=scored,
             software=software_versions(),
-            notes=[f'{run.path}: {loss}' for run in runs for loss in run.lost],
+            notes=[*left_out, *(f'{run.path}: {loss}' for run in runs for loss in run.lost)],
             command=' '.join(['piezo', *sys.argv[1:]]))
     except PlanError as error:
         print(f'piezo: {error}', file=sys.stderr)
@@ -124,12 +134,14 @@ def _report_runs(options: argparse.Namespace) -> int:
     except (BagError, ValueError, OSError) as error:
         print(f'piezo: {failure_text(error)}', file=sys.stderr)
         return 1
+    for line in left_out:
+        print(f'piezo: {line}', file=sys.stderr)
     for run in runs:
         for loss in run.lost:
             print(f'piezo: {run.path}: {loss}', file=sys.stderr)
     print(text_table(scored))
     print(f'report: {report}')
-    return 3 if any(run.lost for run in runs) else 0
+    return 3 if left_out or any(run.lost for run in runs) else 0
 
 
 def _scored(

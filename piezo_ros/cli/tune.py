@@ -21,7 +21,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from piezo_ros import paper
-from piezo_ros.cli.shared.exit_codes import EXIT_FAILED, EXIT_POOR, EXIT_USAGE
+from piezo_ros.cli.shared.exit_codes import EXIT_FAILED, EXIT_POOR
+from piezo_ros.cli.shared.outputs import check_output
 from piezo_ros.control import TrajectoryParameters
 from piezo_ros.control.shapes.fourier_series import PERIODIC
 from piezo_ros.experiment.model_file import (
@@ -52,6 +53,7 @@ examples:
   piezo tune model.yaml --lead --objective feedback_band --max-sensitivity 1.6 -o controller.yaml
   piezo tune slow_stage.yaml --sample-period-s 1e-4 --no-operating-points -o controller.yaml
 """
+_USUAL_PERIOD_S: Final = 1e-5
 _GAINS: Final = (
     ('kP', 'proportional_gain', ''),
     ('kI', 'integral_gain_per_s', '1/s'),
@@ -144,16 +146,14 @@ def _tune(options: argparse.Namespace) -> int:
     from piezo_ros.identification.tuning.lead_tuning import tune_pi_with_lead
     from piezo_ros.identification.tuning.loop_shape import loop_shape
     from piezo_ros.identification.tuning.pi_tuning import tune_pi
-    if options.output.exists() and not options.force:
-        print(f'piezo: {options.output} exists; --force replaces it', file=sys.stderr)
-        return EXIT_USAGE
+    check_output(options.output, force=options.force)
+    _check_numbers(options)
     try:
         poor = _poor_models(options)
         if poor:
             print(f'piezo: {poor}; --accept-poor tunes all the same', file=sys.stderr)
             return EXIT_POOR
-        if options.sample_period_s is None:
-            options.sample_period_s = _recorded_period_s(options.model)
+        _choose_sample_period(options)
         model = read_dynamics(options.model)
         evidence = read_evidence(
             options.model, model, options.sample_period_s, trust_band=not options.accept_poor)
@@ -176,7 +176,9 @@ def _tune(options: argparse.Namespace) -> int:
             isinstance(model, LinearDynamics) and not options.no_operating_points) else ()
         write_atomically(options.output, tuning.to_parameter_yaml(
             source=str(options.model), table=feedback_table(points) if points else None))
-    except (PlanError, ValueError, OSError) as error:
+    except PlanError:
+        raise
+    except (ValueError, OSError) as error:
         print(f'piezo: {failure_text(error)}', file=sys.stderr)
         return EXIT_FAILED
     print(
@@ -194,6 +196,9 @@ def _tune(options: argparse.Namespace) -> int:
         print()
         print(operating_points_text(points, options))
     print(f'gains: {options.output}')
+    print(
+        f'next: name {options.output} in the parameter_files of a plan, or try it on a recording: '
+        f'piezo replay BAG --controller {options.output}')
     return 0
 
 
@@ -208,8 +213,43 @@ def _poor_models(options: argparse.Namespace) -> str:
     return ''
 
 
-def _recorded_period_s(path: Path) -> float:
-    period_s = identified_facts(path, 'identified_dynamics').get('sample_period_s', 1e-5)
+def _check_numbers(options: argparse.Namespace) -> None:
+    """Refuse limits that no loop can keep."""
+    for name, least in (
+            ('max_sensitivity', 1.0), ('uncertainty_limit', 0.0), ('lead_ratio', 1.0),
+            ('sample_period_s', 0.0)):
+        value = getattr(options, name)
+        if value is not None and not least < value < math.inf:
+            raise PlanError(
+                f'--{name.replace("_", "-")} is {value:g}, allowed is a number above {least:g}')
+    if options.measurement_delay_samples < 0:
+        raise PlanError(
+            f'--measurement-delay-samples is {options.measurement_delay_samples}, allowed is 0 '
+            'and more')
+
+
+def _choose_sample_period(options: argparse.Namespace) -> None:
+    """Take the sample period of the record of MODEL, or warn of another one."""
+    for path, section in (
+            (options.model, 'identified_dynamics'), (options.compensator, 'identified_hysteresis')):
+        period_s = None if path is None else _recorded_period_s(path, section)
+        if period_s is None:
+            continue
+        if options.sample_period_s is None:
+            options.sample_period_s = period_s
+        elif not math.isclose(options.sample_period_s, period_s, rel_tol=1e-6):
+            print(
+                f'piezo: warning: the sample period is {options.sample_period_s:g} s here, {path} '
+                f'was identified at {period_s:g} s: delays in samples are other times, and what '
+                'is above half the slower sampling rate is not known', file=sys.stderr)
+    if options.sample_period_s is None:
+        options.sample_period_s = _USUAL_PERIOD_S
+
+
+def _recorded_period_s(path: Path, section: str) -> float | None:
+    period_s = identified_facts(path, section).get('sample_period_s')
+    if period_s is None:
+        return None
     if isinstance(period_s, bool) or not isinstance(period_s, int | float) or not period_s > 0.0:
         raise PlanError(f'{path}: sample_period_s is {period_s!r}, it must be a number above 0')
     return float(period_s)

@@ -165,7 +165,7 @@ def _parameters(
             parameters['controller'][f'scan_{name}'] = parameters['trajectory'][name]
     # The trajectory first: what the controller has of it is not what the user has given.
     for node, own in sorted(parameters.items(), key=lambda item: item[0] != 'trajectory'):
-        in_file = {}
+        in_file: dict[str, Any] = {}
         if node in _FILES:
             in_file = read_parameter_file(_file(node, values), [node]).get(node, {})
         complete = check_node_parameters(node, {**in_file, **own})

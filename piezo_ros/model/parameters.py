@@ -26,6 +26,8 @@ import sys
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple, TypeVar
 
+from piezo_ros.suggestions import did_you_mean
+
 __all__ = [
     'CHANGES',
     'Constraint',
@@ -186,7 +188,8 @@ class ParameterSet:
         for name in values:
             if name not in names:
                 raise ParameterError(
-                    f'unknown parameter {name!r}; {cls.__name__} has {", ".join(names)}')
+                    f'unknown parameter {name!r}; {cls.__name__} has {", ".join(names)}'
+                    f'{did_you_mean(name, names)}')
 
     def replaced(self: _Set, **values: Any) -> _Set:
         """Return a copy with some values replaced, these checked, and all of them together."""
@@ -245,7 +248,9 @@ def _is_number(value: Any) -> bool:
 
 def _check(name: str, value: Any, constraint: Constraint) -> None:
     if constraint.choices and value not in constraint.choices:
-        raise ParameterError(f'{name} is {value!r}, allowed are {", ".join(constraint.choices)}')
+        raise ParameterError(
+            f'{name} is {value!r}, allowed are {", ".join(constraint.choices)}'
+            f'{did_you_mean(value, constraint.choices)}')
     if isinstance(value, str | bool):
         return
     for number in value if isinstance(value, tuple) else (value,):

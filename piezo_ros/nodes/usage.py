@@ -15,6 +15,7 @@
 """What a node executable answers to ``--help``, and to words that it does not know."""
 
 import dataclasses
+import os
 import sys
 import textwrap
 from collections.abc import Sequence
@@ -32,6 +33,10 @@ from piezo_ros.parameters.node_parameters import (
 __all__ = ['answer_usage']
 
 _HELP = ('-h', '--help')
+_ASSIGNING = ('-p', '--param', '-r', '--remap')
+_WITH_VALUE = (
+    *_ASSIGNING, '--params-file', '-e', '--enclave', '--log-level', '--log-config-file',
+    '--log-file-name')
 _INDENT = ' ' * 8
 _WIDTH = 100
 
@@ -53,21 +58,52 @@ def answer_usage(roles: Sequence[str], arguments: Sequence[str]) -> int | None:
         Exit code: 0 after help, 2 after a refusal; None where the nodes shall run.
 
     """
+    name = roles[0] if len(roles) == 1 else 'loop'
+    if wrong := _misplaced(arguments):
+        print(f'{name}: {wrong}; `{name} --help` lists the parameters', file=sys.stderr)
+        return 2
     try:
         _, *words = remove_ros_args(list(arguments))
     except RuntimeError:
         return None  # rclpy says what is wrong as it starts.
-    name = roles[0] if len(roles) == 1 else 'loop'
     if any(word in _HELP for word in words):
-        print(_help(name, roles))
+        _print(_help(name, roles))
         return 0
     if words:
+        example = words[0] if ':=' in words[0] else 'linger_s:=5.0'
         print(
             f'{name}: unknown argument {words[0]!r}; parameters follow --ros-args, as in\n'
-            f'    {name} --ros-args -p linger_s:=5.0\n'
+            f'    {name} --ros-args -p {example}\n'
             f'`{name} --help` lists them', file=sys.stderr)
         return 2
     return None
+
+
+def _misplaced(arguments: Sequence[str]) -> str:
+    """Return what to say of the first word for ROS that is no option and no assignment."""
+    is_for_ros, flag = False, ''
+    for word in arguments:
+        if word in ('--ros-args', '--'):
+            is_for_ros, flag = word == '--ros-args', ''
+        elif not is_for_ros:
+            continue
+        elif flag in _ASSIGNING and ':=' not in word:
+            return f'{flag} {word} assigns nothing, it must be {flag} NAME:=VALUE'
+        elif flag not in _WITH_VALUE and not word.startswith('-'):
+            return f'unknown argument {word!r} behind --ros-args' + (
+                f', did you mean -p {word}?' if ':=' in word else '')
+        # The value of an option is none itself.
+        flag = '' if flag in _WITH_VALUE else word
+    return ''
+
+
+def _print(text: str) -> None:
+    """Print a text, of which a reader such as `head` may take a part."""
+    try:
+        print(text, flush=True)
+    except BrokenPipeError:
+        # What is left would be written once more as Python ends.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _help(name: str, roles: Sequence[str]) -> str:

@@ -20,9 +20,12 @@ aliases of aliases can exhaust the stack or the memory.
 """
 
 import re
+from collections.abc import Iterator
 from typing import Any, Final
 
 import yaml
+
+from piezo_ros.parameters.file_lines import LinedMapping
 
 __all__ = ['MAXIMUM_BYTES', 'YamlError', 'yaml_content']
 
@@ -46,6 +49,22 @@ _Loader.add_implicit_resolver(
     'tag:yaml.org,2002:float', re.compile(r'[-+]?[0-9]+[eE][-+]?[0-9]+$'), list('-+0123456789'))
 
 
+class _LinedLoader(_Loader):
+    """Makes mappings that know the lines of their keys."""
+
+    def lined_mapping(self, node: yaml.MappingNode) -> Iterator[LinedMapping]:
+        """Yield a mapping before what is in it, which may lie in itself."""
+        mapping = LinedMapping()
+        yield mapping
+        mapping.update(self.construct_mapping(node))
+        mapping.lines.update(
+            (key.value, key.start_mark.line + 1) for key, _ in node.value
+            if isinstance(key, yaml.ScalarNode))
+
+
+_LinedLoader.add_constructor('tag:yaml.org,2002:map', _LinedLoader.lined_mapping)
+
+
 def yaml_content(text: str | bytes, *, unique_keys: bool = False) -> Any:
     """
     Return the content of a YAML text.
@@ -55,7 +74,8 @@ def yaml_content(text: str | bytes, *, unique_keys: bool = False) -> Any:
     text : str or bytes
         One document, bytes in UTF-8.
     unique_keys : bool, optional
-        Refuse a mapping that has a key twice, of which the last would win without a word.
+        Refuse a mapping that has a key twice, of which the last would win without a word; and
+        return mappings that know the lines of their keys (`LinedMapping`).
 
     Returns
     -------
@@ -73,7 +93,7 @@ def yaml_content(text: str | bytes, *, unique_keys: bool = False) -> Any:
         raise YamlError(f'{len(text)} bytes of YAML, at most {MAXIMUM_BYTES} are read')
     try:
         _check_events(text)
-        loader = _Loader(text)  # of the safe kind
+        loader = (_LinedLoader if unique_keys else _Loader)(text)  # of the safe kind
         try:
             node = loader.get_single_node()
             if node is None:
@@ -85,9 +105,18 @@ def yaml_content(text: str | bytes, *, unique_keys: bool = False) -> Any:
             loader.dispose()
     except YamlError:
         raise
+    except yaml.MarkedYAMLError as error:
+        raise YamlError(_place_text(error)) from None
     except (yaml.YAMLError, ValueError, RecursionError, OverflowError) as error:
         # ValueError: no UTF-8, a date that does not exist, a number beyond all bounds.
         raise YamlError(str(error)) from None
+
+
+def _place_text(error: yaml.MarkedYAMLError) -> str:
+    """Return one line: what is wrong, and where."""
+    words = ', '.join(filter(None, (error.problem, error.context)))
+    mark = error.problem_mark or error.context_mark
+    return f'line {mark.line + 1}, column {mark.column + 1}: {words}' if mark else words
 
 
 def _check_keys(root: yaml.Node) -> None:

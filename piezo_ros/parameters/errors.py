@@ -25,7 +25,7 @@ __all__ = ['CampaignError', 'PlanError', 'cause_of', 'failure_text', 'naming_fil
 
 
 class PlanError(ValueError):
-    """A plan or another input file that cannot be used; the text names file, key and value."""
+    """A plan, another input file or an option that cannot be used; the text names it."""
 
 
 class CampaignError(RuntimeError):

@@ -15,12 +15,15 @@
 """The device that a parameter file tells of, for commands that use it without a graph."""
 
 from pathlib import Path
+from typing import Any
 
 from piezo_ros.model import ParameterError
 from piezo_ros.parameters.errors import PlanError
+from piezo_ros.parameters.file_lines import LinedMapping, with_line
 from piezo_ros.parameters.hardware_parameters import HardwareParameters
 from piezo_ros.parameters.node_parameters import HARDWARE_PLANT, parameter_names
 from piezo_ros.parameters.parameter_file import read_parameter_file
+from piezo_ros.suggestions import did_you_mean
 
 __all__ = ['read_hardware']
 
@@ -40,14 +43,16 @@ def read_hardware(path: Path) -> HardwareParameters:
         If it has no plant with a device, or a value that is refused.
 
     """
-    values = read_parameter_file(path, ['plant']).get('plant', {})
+    values: dict[str, Any] = read_parameter_file(path, ['plant']).get('plant', LinedMapping())
     if 'device' not in values:
         raise PlanError(f'{path} has no section for plant with a device')
     known = {*parameter_names(HARDWARE_PLANT), *parameter_names('plant')}
     for name in values:
         if name not in known:
-            raise PlanError(f'{path}: unknown parameter {name!r} of {HARDWARE_PLANT}')
+            raise PlanError(
+                f'{with_line(path, values, name)}: unknown parameter {name!r} of '
+                f'{HARDWARE_PLANT}{did_you_mean(name, known)}')
     try:
         return HardwareParameters.among(values)
     except ParameterError as error:
-        raise PlanError(f'{path}: {error}') from None
+        raise PlanError(f'{with_line(path, values, str(error))}: {error}') from None

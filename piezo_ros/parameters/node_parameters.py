@@ -30,6 +30,7 @@ from piezo_ros.model import CompensatorParameters, ParameterError, ParameterSet,
 from piezo_ros.model.parameters import parameter
 from piezo_ros.parameters.hardware_parameters import HardwareParameters
 from piezo_ros.streams import STREAMS
+from piezo_ros.suggestions import did_you_mean
 
 __all__ = [
     'LOOP_NODES',
@@ -222,7 +223,8 @@ class RecorderParameters(ParameterSet):
         for stream in self.stream_names:
             if stream not in STREAMS:
                 raise ParameterError(
-                    f'streams has {stream!r}, allowed are {", ".join(STREAMS)}')
+                    f'streams has {stream!r}, allowed are {", ".join(STREAMS)}'
+                    f'{did_you_mean(stream, STREAMS)}')
 
     @property
     def stream_names(self) -> tuple[str, ...]:
@@ -310,7 +312,9 @@ class StampedParameters(ParameterSet):
         """Refuse streams that do not exist, and a joint without a name."""
         for name in self.stream_names:
             if name not in STREAMS:
-                raise ParameterError(f'streams has {name!r}, allowed are {", ".join(STREAMS)}')
+                raise ParameterError(
+                    f'streams has {name!r}, allowed are {", ".join(STREAMS)}'
+                    f'{did_you_mean(name, STREAMS)}')
         if not self.joint:
             raise ParameterError("joint is '', it must be a name")
 
@@ -379,5 +383,6 @@ def check_node_parameters(node: str, values: Mapping[str, Any]) -> dict[str, Any
     for name in values:
         if name not in known:
             raise ParameterError(
-                f'unknown parameter {name!r} of {node}; it has {", ".join(sorted(known))}')
+                f'unknown parameter {name!r} of {node}; it has {", ".join(sorted(known))}'
+                f'{did_you_mean(name, known)}')
     return complete

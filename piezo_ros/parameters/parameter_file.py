@@ -23,6 +23,7 @@ import yaml
 from piezo_ros.model import ParameterError, ParameterSet
 from piezo_ros.parameters.bounded_yaml import MAXIMUM_BYTES, YamlError, yaml_content
 from piezo_ros.parameters.errors import PlanError
+from piezo_ros.parameters.file_lines import LinedMapping, with_line
 from piezo_ros.parameters.node_parameters import (
     NODE_PARAMETERS,
     check_node_parameters,
@@ -93,7 +94,7 @@ def parameter_sections(
             yield from parameter_sections(value, f'{prefix}/{str(key).strip("/")}')
 
 
-def read_parameter_file(path: Path, nodes: Iterable[str]) -> dict[str, dict[str, Any]]:
+def read_parameter_file(path: Path, nodes: Iterable[str]) -> dict[str, LinedMapping]:
     """
     Return the parameters that a ROS parameter file gives to some nodes.
 
@@ -119,7 +120,9 @@ def read_parameter_file(path: Path, nodes: Iterable[str]) -> dict[str, dict[str,
 
     """
     return {
-        node: {name: value for name, value in values.items() if not is_of_rclpy(name)}
+        node: LinedMapping(
+            ((name, value) for name, value in values.items() if not is_of_rclpy(name)),
+            values.lines)
         for node, values in _sections_of(path, nodes).items()}
 
 
@@ -147,27 +150,29 @@ def parameters_of_rclpy(path: Path, nodes: Iterable[str]) -> dict[str, list[str]
     return {node: own for node, own in names.items() if own}
 
 
-def _sections_of(path: Path, nodes: Iterable[str]) -> dict[str, dict[str, Any]]:
+def _sections_of(path: Path, nodes: Iterable[str]) -> dict[str, LinedMapping]:
     """Return everything that a file gives to some nodes; raises as `read_parameter_file`."""
     content = read_yaml(path)
     if not isinstance(content, Mapping):
         raise PlanError(f'{path} is no ROS parameter file: the top level must be a mapping')
-    parameters: dict[str, dict[str, Any]] = {}
+    parameters: dict[str, LinedMapping] = {}
     for key, section in content.items():
         found = [*parameter_sections({f'/{key}': section})]
         if not found:
-            raise PlanError(f'{path}: {key!r} has no mapping {_SECTION}')
+            raise PlanError(
+                f'{with_line(path, content, str(key))}: {key!r} has no mapping {_SECTION}')
         for name, values in found:
             last = name.rpartition('/')[2]
             if last not in (*NODE_PARAMETERS, '*', '**'):
                 last = role_of(values) or last
             for node in nodes:
-                if last == node:
-                    parameters.setdefault(node, {}).update(values)
-                elif last in ('*', '**'):
-                    parameters.setdefault(node, {}).update(
-                        (name, value) for name, value in values.items()
-                        if name in parameter_names(node) or is_of_rclpy(name))
+                taken = values if last == node else {
+                    name: value for name, value in values.items()
+                    if name in parameter_names(node) or is_of_rclpy(name)}
+                if last in (node, '*', '**'):
+                    section = parameters.setdefault(node, LinedMapping())
+                    section.update(taken)
+                    section.lines.update(getattr(values, 'lines', {}))
     return parameters
 
 
@@ -201,7 +206,8 @@ def read_parameter_set(
         values = check_node_parameters(node, {**(assumed or {}), **sections[node]})
         return parameter_set.among(values)
     except ParameterError as error:
-        raise PlanError(f'{path}: {error}') from None
+        where = with_line(path, sections[node], str(error))
+        raise PlanError(f'{where}: {error}') from None
 
 
 def parameters_yaml(namespace: str, parameters: Mapping[str, Mapping[str, Any]]) -> str:

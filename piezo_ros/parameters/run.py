@@ -109,10 +109,15 @@ class PlannedRun:
     def description(self) -> str:
         """One line about the run."""
         trajectory = self.trajectory
+        unit = 'V' if self.bare else 'um'
+        about = f' about {trajectory.offset:g} {unit}' if trajectory.offset else ''
         if self.bare:
+            frequencies_hz = (
+                f'{min(trajectory.frequencies_hz):g} … {max(trajectory.frequencies_hz):g}'
+                if trajectory.waveform == 'stepped_sine' else f'{trajectory.frequency_hz:g}')
             return (
-                f'bare actuator: {trajectory.waveform} {trajectory.amplitude_v:g} V, '
-                f'{trajectory.frequency_hz:g} Hz, {trajectory.samples} samples')
+                f'bare actuator: {trajectory.waveform} {trajectory.amplitude_v:g} V{about}, '
+                f'{frequencies_hz} Hz, {trajectory.samples} samples')
         # What follows during the run counts as much as what it begins with.
         schemes = [self.controller.scheme, *(
             f'{change.values.get("scheme", "other gains")} from sample {change.at_sample} on'
@@ -120,7 +125,7 @@ class PlannedRun:
             f'another file from sample {change.at_sample} on'
             for change in trajectory.table_changes)]
         return (
-            f'{", ".join(schemes)}: {trajectory.waveform} {trajectory.amplitude_um:g} um, '
+            f'{", ".join(schemes)}: {trajectory.waveform} {trajectory.amplitude_um:g} um{about}, '
             f'{trajectory.frequency_hz:g} Hz, m = {trajectory.harmonics}, '
             f'{trajectory.samples} samples')
 

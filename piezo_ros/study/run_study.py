@@ -25,6 +25,7 @@ from piezo_ros.interruption import interruptible
 from piezo_ros.parameters.provenance import software_versions
 from piezo_ros.parameters.run import PlannedRun, RunResult
 from piezo_ros.study.experiments import run_experiments
+from piezo_ros.study.model_files import write_models
 from piezo_ros.study.page import write_study_page
 from piezo_ros.study.record import study_record
 from piezo_ros.study.results import PaperResults
@@ -69,6 +70,7 @@ def run_study(
     plan_text = keep_plan(plan.path, directory)
     runs = StudyRuns(directory, run, announce)
     results = run_experiments(plan.base, runs.each)
+    write_models(directory, results.hysteresis, results.dynamics, results.tuning)
     record: dict[str, Any] = {
         'title': plan.title,
         **study_record(results, {

@@ -64,7 +64,9 @@ def test_info_tells_streams_units_and_parameters(bag, command):
         start, samples = run.whole(stream)
         line = next(line for line in out.splitlines() if line.startswith(f'  {stream} '))
         assert f'{samples.size} samples from index {start}' in line
-        assert line.endswith(f'{samples.min():.4g} … {samples.max():.4g} {STREAMS[stream]}')
+        unit = {'um': 'um', 'v': 'V'}[STREAMS[stream]]
+        assert line.endswith(f'{samples.min():.4g} … {samples.max():.4g} {unit}')
+    assert f'duration       {run.samples * 1e-5:g} s' in out
     assert 'sample period  1e-05 s' in out
     assert 'parameters of  /compensator, /controller, /plant, /trajectory' in out
     assert [line.split()[1] for line in out.splitlines() if line.startswith('scheme')] == ['fbff']
@@ -192,4 +194,4 @@ def test_a_motion_that_a_bag_has_not_is_refused(bag, command, tmp_path, options,
     assert problem in err
     assert not (tmp_path / 'motion.npz').exists()
     code, _, err = command('motion', bag, '-o', tmp_path / 'motion.csv')
-    assert (code, 'a motion is written as .npz' in err) == (1, True)
+    assert (code, 'a motion is written as .npz' in err) == (2, True)

@@ -189,7 +189,7 @@ def test_a_file_of_another_kind_is_refused(bag, tmp_path, replay, content, compl
     path = tmp_path / 'file.yaml'
     path.write_text(yaml.safe_dump(content))
     code, _, err = replay(bag, '--controller', path)
-    assert code == 1
+    assert code == 2
     assert err.startswith('piezo: ')
     assert complaint in err
 

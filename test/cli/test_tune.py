@@ -118,7 +118,7 @@ def test_a_bound_of_another_kind_is_refused(model, tune, tmp_path, output, conte
     bound = tmp_path / 'bound.yaml'
     bound.write_text(yaml.safe_dump(content))
     code, _, err = tune(model, '--bound', bound)
-    assert code == 1
+    assert code == 2
     assert complaint in err
     assert not output.exists()
 
@@ -148,13 +148,14 @@ def test_gains_are_not_overwritten_unasked(model, tune, output):
     assert 'proportional_gain' in output.read_text()
 
 
-@pytest.mark.parametrize(('options', 'complaint'), [
-    (('--max-sensitivity', 0.9), 'max_sensitivity is 0.9, it must be above 1'),
-    (('--uncertainty-limit', 0.01), 'no gains, however small, are within the limits'),
-    (('--sample-period-s', -1), 'sample_period_s')])
-def test_limits_that_cannot_be_met_fail_in_words(model, tune, output, options, complaint):
+@pytest.mark.parametrize(('options', 'expected', 'complaint'), [
+    (('--max-sensitivity', 0.9), 2, '--max-sensitivity is 0.9, allowed is a number above 1'),
+    (('--uncertainty-limit', 0.01), 1, 'no gains, however small, are within the limits'),
+    (('--sample-period-s', -1), 2, '--sample-period-s is -1, allowed is a number above 0')])
+def test_limits_that_cannot_be_met_fail_in_words(
+        model, tune, output, options, expected, complaint):
     code, _, err = tune(model, *options)
-    assert code == 1
+    assert code == expected
     assert err.startswith('piezo: ')
     assert complaint in err
     assert not output.exists()
@@ -168,7 +169,7 @@ def test_a_model_that_is_none_fails_in_words(tmp_path, tune, text, complaint):
     path = tmp_path / 'other.yaml'
     path.write_text(text)
     code, _, err = tune(path)
-    assert code == 1
+    assert code == 2
     assert err.startswith(f'piezo: {path}')
     assert complaint in err
 
@@ -234,7 +235,7 @@ def test_an_uncertainty_that_is_not_known_may_be_left_out(model, tune):
     (('--plant', 'no.yaml'), 'no.yaml')])
 def test_operating_points_that_cannot_be_are_refused(model, tune, output, options, complaint):
     code, _, err = tune(model, points=options)
-    assert code == 1
+    assert code == 2
     assert complaint in err
     assert not output.exists()
 

@@ -162,7 +162,7 @@ def test_a_plan_refuses_commands_that_the_controller_would_cut_off(tmp_path):
     (MotionTable(np.sin(np.arange(200) / 200 * 2 * np.pi), None, PERIOD_S), '',
      'it has 200 samples, played once; score_periods is 4, which are 800 samples'),
     (MotionTable(np.sin(np.arange(200) / 200 * 2 * np.pi), None, PERIOD_S, 0),
-     '    offset_um: 5.5\n', 'beside the offset of 5.5 um, 6 um to either side'),
+     '    offset_um: 5.5\n', 'beside the offset of 5.5 um that leaves 0.5 um'),
     (MotionTable(np.sin(np.arange(200) / 200 * 2 * np.pi), np.zeros(200), PERIOD_S, 0),
      '    offset_um: 1.0\n', 'it has commands, which belong to its own reference: offset_um is 1'),
 ])

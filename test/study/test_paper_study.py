@@ -21,6 +21,7 @@ import numpy as np
 import pytest
 
 from piezo_ros.cli.main import main
+from piezo_ros.parameters.parameter_file import read_parameter_file
 from piezo_ros.study.results import Crossing
 from piezo_ros.study.table_4 import agreement, published_errors, table_cells
 
@@ -124,6 +125,12 @@ def test_points_at_which_the_amplifier_slews_are_left_out_and_listed(report):
 def test_creep_is_in_figure_6_and_would_not_suit_figure_5(report):
     creeping = report['nonlinearity']['compensated_creeping']
     assert min(creeping.values()) > 1.0
+
+
+@pytest.mark.slow
+def test_the_identified_models_are_parameter_files(directory):
+    for node in ('compensator', 'trajectory', 'controller'):
+        assert read_parameter_file(directory / 'models' / f'{node}.yaml', (node,))[node]
 
 
 @pytest.mark.slow

@@ -53,7 +53,7 @@ COMMANDS = (
     ('learn', 'learn fast.yaml --parameters rig.yaml --runs 3 --compare --offline -o learned'),
 )
 _BLOCK = re.compile(r'(<!-- printed: (\w+) -->\n\n)(.*?)(\n\n<!-- end -->)', re.DOTALL)
-_FILES = re.compile(r'^(model|gains|scan): .*\n?', re.MULTILINE)
+_FILES = re.compile(r'^(model|gains|scan|next): .*\n?', re.MULTILINE)
 
 
 def printed_outputs(directory, commands=COMMANDS):

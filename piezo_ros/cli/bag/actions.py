@@ -16,7 +16,7 @@
 
 import argparse
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from piezo_ros.bag import STREAMS, open_recording, salvage
 from piezo_ros.cli.bag.outcome import guarded
@@ -24,6 +24,8 @@ from piezo_ros.cli.shared.bag_options import add_bag_options, bag_options
 from piezo_ros.parameters.role_parameters import full_name
 
 __all__ = ['add_actions']
+
+_UNITS: Final = {'v': 'V'}  # in the names of columns units are in lower case
 
 
 def add_actions(kinds: Any) -> None:
@@ -44,10 +46,12 @@ def _info(options: argparse.Namespace) -> tuple[str, ...]:
     print(f'namespace      {run.namespace}')
     print(f'sample period  {run.sample_period_s:g} s')
     print(f'common samples {run.samples} from index {run.start_index}')
+    print(f'duration       {run.samples * run.sample_period_s:g} s')
     for stream, summary in run.streams.items():
         print(
             f'  {stream:13}{summary.samples} samples from index {summary.start_index}, '
-            f'{summary.minimum:.4g} … {summary.maximum:.4g} {STREAMS[stream]}'
+            f'{summary.minimum:.4g} … {summary.maximum:.4g} '
+            f'{_UNITS.get(STREAMS[stream], STREAMS[stream])}'
             + _remapped(run.namespace, stream, summary.topic))
     for name, value in run.metadata.items():
         print(f'{name:28}{value}')

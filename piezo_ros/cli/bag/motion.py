@@ -27,6 +27,7 @@ from piezo_ros.control.tables.motion_table import (
     MotionTableError,
     write_motion_table,
 )
+from piezo_ros.parameters.errors import PlanError
 from piezo_ros.report.files import put_in_place
 
 __all__ = ['add_actions']
@@ -59,7 +60,8 @@ def add_actions(kinds: Any) -> None:
 
 def _motion(options: argparse.Namespace) -> tuple[str, ...]:
     if options.output.suffix != '.npz':
-        raise BagError(f'{options.output}: a motion is written as .npz')
+        raise PlanError(
+            f'-o {options.output}: a motion is written as .npz, not {options.output.suffix!r}')
     names = (options.reference, *((options.command,) if options.command else ()))
     run = open_recording(options.bag, **bag_options(options), keep_not_finite=True)
     period_s, first = run.sample_period_s, run.start_index

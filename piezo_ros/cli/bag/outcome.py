@@ -20,7 +20,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 from piezo_ros.bag import BagError
-from piezo_ros.cli.shared.exit_codes import EXIT_DONE, EXIT_FAILED, EXIT_LOSS, EXIT_USAGE
+from piezo_ros.cli.shared.exit_codes import EXIT_DONE, EXIT_FAILED, EXIT_LOSS
+from piezo_ros.cli.shared.outputs import check_output
 
 __all__ = ['add_output', 'guarded', 'unless_there']
 
@@ -48,8 +49,6 @@ def guarded(
 def unless_there(
     action: Callable[[argparse.Namespace], tuple[str, ...]], options: argparse.Namespace,
 ) -> int:
-    """Do an action that writes a file, unless the file is there and may not be replaced."""
-    if options.output.exists() and not options.force:
-        print(f'piezo: {options.output} exists; --force replaces it', file=sys.stderr)
-        return EXIT_USAGE
+    """Do an action that writes a file, see `check_output`."""
+    check_output(options.output, force=options.force)
     return guarded(action, options)

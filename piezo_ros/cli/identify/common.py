@@ -30,10 +30,9 @@ from piezo_ros.cli.shared.exit_codes import (
     EXIT_FAILED,
     EXIT_LOSS,
     EXIT_POOR,
-    EXIT_USAGE,
 )
+from piezo_ros.cli.shared.outputs import check_output
 from piezo_ros.identification.verdict import Verdict
-from piezo_ros.model import ParameterError
 from piezo_ros.parameters.errors import PlanError, failure_text
 from piezo_ros.report.files import write_atomically
 
@@ -107,7 +106,7 @@ def add_verdict_arguments(kind: argparse.ArgumentParser) -> None:
 def identify(
     make: Callable[[argparse.Namespace, list[_Source]], Identified], options: argparse.Namespace,
     *, read: Callable[[Recording, int, int], _Source] = Recording.part,  # type: ignore[assignment]
-    further_suffixes: tuple[str, ...] = (), hysteresis: bool = False,
+    further_suffixes: tuple[str, ...] = (), hysteresis: bool = False, next_step: str = '',
 ) -> int:
     """
     Read the bags, make a model of them, write its files and return the exit code.
@@ -125,14 +124,14 @@ def identify(
         by default.
     hysteresis : bool, optional
         Whether voltage and displacement are all that is wanted, up to their first gap.
+    next_step : str, optional
+        Command that uses the model, with ``{model}`` in place of its file.
 
     """
     outputs = [options.output, *(
         options.output.with_suffix(suffix) for suffix in (_PLOT_SUFFIX, *further_suffixes))]
     for path in outputs:
-        if path.exists() and not options.force:
-            print(f'piezo: {path} exists; --force replaces it', file=sys.stderr)
-            return EXIT_USAGE
+        check_output(path, force=options.force)
     try:
         runs = [
             _with_losses(read(*_opened(path, options, hysteresis)), options.allow_loss)
@@ -141,10 +140,14 @@ def identify(
         files, verdict = make(options, runs)
         for path, text in files.items():
             write_atomically(path, text)
-    except (BagError, PlanError, ParameterError, ValueError, OSError) as error:
+    except PlanError:
+        raise
+    except (BagError, ValueError, OSError) as error:
         print(f'piezo: {failure_text(error)}', file=sys.stderr)
         return EXIT_FAILED
     print(f'model: {", ".join(map(str, files))}')
+    if next_step:
+        print(f'next: {next_step.format(model=options.output)}')
     lost = [f'{run.path}: {loss}' for run in runs for loss in run.lost]
     for loss in lost:
         print(f'piezo: {loss}', file=sys.stderr)

@@ -30,6 +30,7 @@ from piezo_ros.cli.identify.common import (
 from piezo_ros.cli.identify.hysteresis import ReducedRun, reduced_run
 from piezo_ros.identification.creep.creep_fit import CreepFit, fit_creep
 from piezo_ros.model import HysteresisParameters
+from piezo_ros.parameters.errors import PlanError
 from piezo_ros.parameters.parameter_file import read_parameter_set
 
 __all__ = ['add_kind']
@@ -78,7 +79,7 @@ def _read(recording: Recording, start: int, stop: int) -> ReducedRun:
 def _make(options: argparse.Namespace, runs: list[ReducedRun]) -> Identified:
     run = runs[0]
     if not 0.0 <= options.settle_s < float('inf'):
-        raise ValueError(f'--settle-s is {options.settle_s}, allowed is 0 s and more')
+        raise PlanError(f'--settle-s is {options.settle_s}, allowed is 0 s and more')
     told = None
     if options.compensator:
         told = read_parameter_set(options.compensator, 'compensator', HysteresisParameters)

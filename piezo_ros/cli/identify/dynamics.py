@@ -39,6 +39,7 @@ from piezo_ros.cli.identify.responses import (
 )
 from piezo_ros.experiment.model_file import read_accuracy
 from piezo_ros.identification.dynamics.dynamics_fit import STRUCTURES, DynamicsFit
+from piezo_ros.parameters.errors import PlanError
 
 __all__ = ['add_kind']
 
@@ -71,7 +72,8 @@ def add_kind(kinds: Any) -> None:
     add_place_arguments(kind)
     add_verdict_arguments(kind)
     kind.set_defaults(function=lambda options: identify(
-        _make, options, further_suffixes=(TABLE_SUFFIX,)))
+        _make, options, further_suffixes=(TABLE_SUFFIX,),
+        next_step='piezo tune {model} -o controller.yaml'))
 
 
 def _make(options: argparse.Namespace, runs: list[Run]) -> Identified:
@@ -129,15 +131,15 @@ def _structure(options: argparse.Namespace) -> dict[str, Any]:
     structure = options.structure or ('rational' if options.orders else 'auto')
     if structure == 'rational':
         if not options.orders:
-            raise ValueError('--structure rational needs --orders NUM DEN')
+            raise PlanError('--structure rational needs --orders NUM DEN')
         numerator, denominator = options.orders
         return {
             'structure': structure, 'numerator_order': numerator,
             'denominator_order': denominator, 'fit_delay': options.fit_delay}
     if options.orders:
-        raise ValueError(f'--orders belongs to --structure rational, not to {structure}')
+        raise PlanError(f'--orders belongs to --structure rational, not to {structure}')
     if options.fit_delay:
-        raise ValueError(
+        raise PlanError(
             '--fit-delay belongs to --orders: (6) has no delay to fit, and --structure auto tries '
             'one by itself')
     return {'structure': structure}

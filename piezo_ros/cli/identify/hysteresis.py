@@ -34,6 +34,7 @@ from piezo_ros.cli.identify.common import (
 )
 from piezo_ros.identification.hysteresis.hysteresis_result import HysteresisFit
 from piezo_ros.identification.hysteresis.records import Record, record_of_blocks
+from piezo_ros.parameters.errors import PlanError
 
 __all__ = ['ReducedRun', 'add_kind', 'reduced_run']
 
@@ -54,6 +55,8 @@ class ReducedRun(NamedTuple):
         Sentences that name the losses.
     record : Record
         Voltage and displacement.
+    waveform : str
+        What the bag says of its waveform, '' where it does not.
 
     """
 
@@ -61,6 +64,7 @@ class ReducedRun(NamedTuple):
     sample_period_s: float
     lost: tuple[str, ...]
     record: Record
+    waveform: str = ''
 
 
 def add_kind(kinds: Any) -> None:
@@ -87,6 +91,7 @@ def add_kind(kinds: Any) -> None:
     add_verdict_arguments(kind)
     kind.set_defaults(function=lambda options: identify(
         _make, options, hysteresis=True,
+        next_step='piezo identify dynamics BAG --compensator {model} -o trajectory.yaml',
         read=lambda recording, start, stop: reduced_run(
             recording, start, stop, virgin=not options.used, every=options.every)))
 
@@ -145,7 +150,9 @@ def reduced_run(
             blocks(), stop - start, virgin=virgin, every=every)
     except ValueError as error:
         raise ValueError(f'{recording.path}: {error}') from None
-    return ReducedRun(recording.path, recording.sample_period_s, tuple(lost), record)
+    return ReducedRun(
+        recording.path, recording.sample_period_s, tuple(lost), record,
+        recording.metadata.get('waveform', ''))
 
 
 def _make(options: argparse.Namespace, runs: list[ReducedRun]) -> Identified:
@@ -153,10 +160,15 @@ def _make(options: argparse.Namespace, runs: list[ReducedRun]) -> Identified:
     elements = options.elements
     if elements not in ('auto', None):
         if not elements.isdigit():
-            raise ValueError(f"--elements is {elements!r}, allowed is a number or 'auto'")
+            raise PlanError(f"--elements is {elements!r}, allowed is a number or 'auto'")
         elements = int(elements)
     records = [run.record for run in runs]
     for run in runs:
+        if run.waveform not in ('', 'decreasing_triangle'):
+            print(
+                f'piezo: warning: {run.path} was recorded with the waveform {run.waveform}; a '
+                'slow decreasing_triangle is wanted, of which every amplitude is passed once',
+                file=sys.stderr)
         if run.record.lost:
             print(f'left out of {run.path.name}: {run.record.lost} samples that are no numbers')
     fit = fit_hysteresis_records(

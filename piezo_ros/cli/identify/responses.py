@@ -26,6 +26,7 @@ from piezo_ros.identification.response.detected_excitation import EXCITATION_KIN
 from piezo_ros.identification.response.frequency_response import FrequencyResponse, merge
 from piezo_ros.identification.response.response_csv import read_response
 from piezo_ros.model import HysteresisParameters
+from piezo_ros.parameters.errors import PlanError
 from piezo_ros.parameters.parameter_file import read_parameter_set
 
 __all__ = [
@@ -86,7 +87,7 @@ def responses(options: argparse.Namespace, runs: list[Run]) -> list[FrequencyRes
     """Return the response of each bag and table; what was left out of it is printed."""
     tables = getattr(options, 'from_response', None) or []
     if not (runs or tables):
-        raise ValueError('no BAG is given, and no --from-response FILE')
+        raise PlanError('no BAG is given, and no --from-response FILE')
     found = []
     for run, response in _recorded(options, runs) if runs else ():
         _tell(run.path.name, response)
@@ -119,7 +120,7 @@ def _recorded(
     """Yield each bag with its response."""
     played = options.trajectory or [None]
     if len(played) not in (1, len(runs)):
-        raise ValueError(
+        raise PlanError(
             f'--trajectory is given {len(played)} times for {len(runs)} bags, allowed is once or '
             'once for each')
     hysteresis = None

@@ -31,6 +31,7 @@ from piezo_ros.identification.prediction.operating_points import (
 from piezo_ros.identification.prediction.placement import likely_place
 from piezo_ros.identification.prediction.planned_choice import plan_candidate, with_planned
 from piezo_ros.model import HysteresisParameters, ParameterSet, RigParameters
+from piezo_ros.parameters.errors import PlanError
 from piezo_ros.parameters.parameter_file import read_parameter_file, read_parameter_set
 
 if TYPE_CHECKING:
@@ -54,7 +55,7 @@ def predicted_points(
     """Return what to expect at the operating points that the options ask for."""
     harmonics_open = options.harmonics == AUTO
     if not harmonics_open and not options.harmonics.isdigit():
-        raise ValueError(f"--harmonics is {options.harmonics!r}, allowed is a number or 'auto'")
+        raise PlanError(f"--harmonics is {options.harmonics!r}, allowed is a number or 'auto'")
     period_s = options.sample_period_s
     highest_hz = 1.0 / (_SAMPLES_PER_PERIOD * period_s)
     compensator = _told(options.compensator, 'compensator', HysteresisParameters)
@@ -79,13 +80,13 @@ def predicted_points(
     for amplitude_um in amplitudes_um:
         if not 0.0 < amplitude_um <= plant.reach_um - abs(scan.offset_um):
             beside = f', beside the offset of {scan.offset_um:g} um' if scan.offset_um else ''
-            raise ValueError(
+            raise PlanError(
                 f'--amplitudes-um has {amplitude_um:g}, allowed is above 0 … '
                 f'{plant.reach_um - abs(scan.offset_um):g} um (the reach of the stage{beside})')
     frequencies_hz = options.frequencies_hz or _default_frequencies_hz(tuning, highest_hz)
     for frequency_hz in frequencies_hz:
         if not 0.0 < frequency_hz < 0.5 / period_s:
-            raise ValueError(
+            raise PlanError(
                 f'--frequencies-hz has {frequency_hz:g}, allowed is above 0 and below '
                 f'{0.5 / period_s:g} Hz (the Nyquist frequency)')
     told = {} if options.plant is None else {'plant': {'order': plant.order}}
@@ -148,7 +149,12 @@ def operating_points_text(
             key=lambda point: point.frequency_hz)
         lines.append(
             f'{f"{amplitude_um:g} um":>10}' + ''.join(f'{_cell(point):>15}' for point in row)
-            + f'{f"{acceptable_hz:.4g} Hz":>14}')
+            + f'{f"{acceptable_hz:.4g} Hz" if acceptable_hz else "–":>14}')
+    if any(
+            point.scheme == 'fbff' and not dict(zip(*table, strict=True))[point.amplitude_um]
+            for point in points):
+        lines.append(
+            '– nowhere from 0 Hz on: where a cell of that row says fbff, scheme auto takes ff')
     lines += ['', *_interval_lines(points, frequencies_hz, options), *_place_lines(points)]
     return '\n'.join(lines)
 

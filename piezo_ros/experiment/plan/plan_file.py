@@ -23,11 +23,13 @@ from typing import Any, Final
 
 from piezo_ros.experiment.model_file import read_accuracy, read_bound
 from piezo_ros.experiment.plan.automatic import KNOWN_NODES, Known
+from piezo_ros.experiment.plan.entry_keys import refuse_unknown
 from piezo_ros.experiment.plan.hardware_entry import ignored_of_rig, is_of_hardware
 from piezo_ros.experiment.plan.model_rig import MODEL_RIG_KEY, model_rig, model_rig_notes
 from piezo_ros.experiment.plan.raster_scan import RasterScan, read_scans
 from piezo_ros.experiment.plan.run_entry import RUN_KEYS, SHORT_KEYS, checked_parameters, plan_run
 from piezo_ros.parameters.errors import PlanError
+from piezo_ros.parameters.file_lines import naming_line
 from piezo_ros.parameters.node_parameters import LOOP_NODES
 from piezo_ros.parameters.parameter_file import (
     parameters_of_rclpy,
@@ -122,7 +124,8 @@ def read_plan(path: Path) -> Plan:
     content = read_yaml(path)
     if not isinstance(content, Mapping):
         raise PlanError(f'{path} is no plan: the top level must be a mapping')
-    _refuse_unknown(str(path), content, _PLAN_KEYS)
+    with naming_line(str(path), path, content):
+        refuse_unknown(str(path), content, _PLAN_KEYS)
     version = content.get('format_version')
     if version != FORMAT_VERSION:
         raise PlanError(f'{path}: format_version is {version!r}, only {FORMAT_VERSION} is known')
@@ -164,13 +167,15 @@ def read_plan(path: Path) -> Plan:
         where = f'{path}: run {number}'
         if not isinstance(entry, Mapping):
             raise PlanError(f'{where} is {entry!r}, it must be a mapping')
-        _refuse_unknown(where, entry, RUN_KEYS)
+        with naming_line(where, path, entry):
+            refuse_unknown(where, entry, RUN_KEYS)
         _check_count(where, entry, len(runs))
         for combination in _combinations(where, entry):
             combinations.append(combination)
-            runs.append(plan_run(
-                base, combination, where=where, number=len(runs), known=known,
-                score_periods=score_periods))
+            with naming_line(where, path, entry):
+                runs.append(plan_run(
+                    base, combination, where=where, number=len(runs), known=known,
+                    score_periods=score_periods))
     if not runs:
         raise PlanError(f'{path}: runs is empty')
     for run in runs:
@@ -269,12 +274,6 @@ def _title(path: Path, value: Any) -> str:
         raise PlanError(
             f'{path}: title has {len(title)} characters, allowed are {_LONGEST_TITLE}')
     return title
-
-
-def _refuse_unknown(where: str, content: Mapping[str, Any], known: tuple[str, ...]) -> None:
-    for key in content:
-        if key not in known:
-            raise PlanError(f'{where}: unknown key {key!r}; allowed are {", ".join(known)}')
 
 
 def _list(path: Path, key: str, value: Any) -> list[Any]:

@@ -25,9 +25,11 @@ from pathlib import Path
 from typing import Any, Final
 
 from piezo_ros.experiment.plan.automatic import KNOWN_NODES, known_rig
+from piezo_ros.experiment.plan.entry_keys import refuse_unknown
 from piezo_ros.experiment.plan.run_entry import RUN_KEYS, SHORT_KEYS, plan_run
 from piezo_ros.model import ParameterError, RigParameters
 from piezo_ros.parameters.errors import PlanError
+from piezo_ros.parameters.file_lines import naming_line
 from piezo_ros.parameters.node_parameters import LOOP_NODES
 from piezo_ros.parameters.run import PlannedRun
 
@@ -230,18 +232,19 @@ def read_scans(
     scans: list[RasterScan] = []
     for number, entry in enumerate(entries, start=1):
         where = f'{path}: scan {number}'
-        _check_keys(where, entry, _SCAN_KEYS)
-        both = {
-            axis: _merged(where, axis, defaults.get(axis, {}), entry.get(axis, {}))
-            for axis in AXES}
-        for fast in _combinations(f'{where}: {FAST}', both[FAST]):
-            if len(scans) == _MOST_SCANS:
-                raise PlanError(f'{where}: the plan has more than {_MOST_SCANS} scans')
-            values = {**defaults, **entry, FAST: fast, SLOW: both[SLOW]}
-            axes = {
-                axis: _axis(f'{where}: {axis}', axis, values[axis], base, known, read_sections)
+        with naming_line(where, path, entry):
+            _check_keys(where, entry, _SCAN_KEYS)
+            both = {
+                axis: _merged(where, axis, defaults.get(axis, {}), entry.get(axis, {}))
                 for axis in AXES}
-            scans.append(_scan(where, values, axes[FAST], axes[SLOW], len(scans)))
+            for fast in _combinations(f'{where}: {FAST}', both[FAST]):
+                if len(scans) == _MOST_SCANS:
+                    raise PlanError(f'{where}: the plan has more than {_MOST_SCANS} scans')
+                values = {**defaults, **entry, FAST: fast, SLOW: both[SLOW]}
+                axes = {
+                    axis: _axis(f'{where}: {axis}', axis, values[axis], base, known, read_sections)
+                    for axis in AXES}
+                scans.append(_scan(where, values, axes[FAST], axes[SLOW], len(scans)))
     return tuple(scans)
 
 
@@ -301,7 +304,8 @@ def _axis(
 
 def _merged(where: str, axis: str, defaults: Any, own: Any) -> dict[str, Any]:
     """Return what the plan says of an axis: parameters of a node are added to the common ones."""
-    for at, values in (('scan_defaults', defaults), (where, own)):
+    common = f'{where.rpartition(": scan ")[0]}: scan_defaults'
+    for at, values in ((common, defaults), (where, own)):
         _check_keys(f'{at}: {axis}', values, _AXIS_KEYS[axis])
     merged = {**defaults, **own}
     for node in LOOP_NODES:
@@ -324,9 +328,7 @@ def _combinations(where: str, values: Mapping[str, Any]) -> list[dict[str, Any]]
 def _check_keys(where: str, values: Any, allowed: Sequence[str]) -> None:
     if not isinstance(values, Mapping):
         raise PlanError(f'{where} is {values!r}, it must be a mapping')
-    for key in values:
-        if key not in allowed:
-            raise PlanError(f'{where}: unknown key {key!r}; allowed are {", ".join(allowed)}')
+    refuse_unknown(where, values, allowed)
 
 
 def _number(

@@ -36,6 +36,7 @@ from piezo_ros.experiment.plan.hardware_entry import (
 )
 from piezo_ros.model import ParameterError, RigParameters
 from piezo_ros.parameters.errors import PlanError
+from piezo_ros.parameters.file_lines import with_line
 from piezo_ros.parameters.node_parameters import LOOP_NODES, check_node_parameters
 from piezo_ros.parameters.run import PlannedRun
 
@@ -171,7 +172,11 @@ def _name(run: PlannedRun, number: int) -> str:
     trajectory = run.trajectory
     scheme = 'bare' if run.bare else run.controller.scheme
     amplitude = f'{trajectory.amplitude_v:g}v' if run.bare else f'{trajectory.amplitude_um:g}um'
-    return f'{number:03d}_{scheme}_{trajectory.waveform}_{amplitude}_{trajectory.frequency_hz:g}hz'
+    unit = 'v' if run.bare else 'um'
+    about = f'_about_{trajectory.offset:g}{unit}' if trajectory.offset else ''
+    return (
+        f'{number:03d}_{scheme}_{trajectory.waveform}_{amplitude}{about}_'
+        f'{trajectory.frequency_hz:g}hz')
 
 
 def _check_travel(where: str, run: PlannedRun, score_periods: float) -> None:
@@ -184,10 +189,12 @@ def _check_travel(where: str, run: PlannedRun, score_periods: float) -> None:
         return
     offset_um = abs(trajectory.offset_um)
     if not 0.0 < trajectory.amplitude_um <= reach_um - offset_um:
-        beside = f', beside the offset of {offset_um:g} um,' if offset_um else ''
+        beside = (
+            f'; beside the offset of {offset_um:g} um that leaves {reach_um - offset_um:g} um'
+            if offset_um else '')
         raise PlanError(
             f'{where}: amplitude_um is {trajectory.amplitude_um} um, it must be above 0, and '
-            f'the stage travels{beside} {reach_um:g} um to either side of its operating point')
+            f'the stage travels {reach_um:g} um to either side of its operating point{beside}')
 
 
 def _check_motion(where: str, run: PlannedRun, score_periods: float) -> None:
@@ -210,10 +217,12 @@ def _check_table(
     motion = motion_of(trajectory)
     beside_um = abs(trajectory.offset_um)
     if not 0.0 < motion.greatest_um <= plant.reach_um - beside_um:
-        beside = f', beside the offset of {beside_um:g} um,' if beside_um else ''
+        beside = (
+            f'; beside the offset of {beside_um:g} um that leaves {plant.reach_um - beside_um:g} um'
+            if beside_um else '')
         raise MotionTableError(
             f'{file}: it reaches {motion.greatest_um:g} um, it must be above 0, and the stage '
-            f'travels{beside} {plant.reach_um:g} um to either side of its operating point')
+            f'travels {plant.reach_um:g} um to either side of its operating point{beside}')
     trajectory_constants(trajectory)  # says what does not go with its commands
     _check_commands(run, motion, file)
     if plant.slew_limit_v_per_s:
@@ -261,4 +270,5 @@ def checked_parameters(where: str, node: str, values: Mapping[str, Any]) -> dict
             return complete_plant(values)
         return check_node_parameters(node, values)
     except ParameterError as error:
-        raise PlanError(f'{where}: {node}: {error}') from None
+        # A file has `where` alone; a plan names the line itself, see `read_plan`.
+        raise PlanError(f'{with_line(where, values, str(error))}: {node}: {error}') from None

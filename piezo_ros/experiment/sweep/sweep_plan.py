@@ -21,8 +21,10 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from piezo_ros.experiment.plan import Known, Plan, plan_run
+from piezo_ros.experiment.plan.entry_keys import refuse_unknown
 from piezo_ros.experiment.sweep.distribution import Distribution, read_distribution
 from piezo_ros.parameters.errors import PlanError
+from piezo_ros.parameters.file_lines import naming_line
 from piezo_ros.parameters.node_parameters import LOOP_NODES, check_node_parameters, parameter_names
 from piezo_ros.parameters.run import PlannedRun
 
@@ -144,10 +146,8 @@ def read_sweep(plan: Plan) -> SweepPlan:
         raise PlanError(f'{where} has no key sweep, which says what is drawn')
     if not isinstance(content, Mapping):
         raise PlanError(f'{where}: sweep is {content!r}, it must be a mapping')
-    for key in content:
-        if key not in _KEYS:
-            raise PlanError(f'{where}: unknown key {key!r} of sweep; allowed are '
-                            f'{", ".join(_KEYS)}')
+    with naming_line(where, plan.path, content):
+        refuse_unknown(where, content, _KEYS, ' of sweep')
     if any(run.bare for run in plan.runs):
         raise PlanError(f'{where}: a run with output voltage follows no reference and has no score')
     sweep = SweepPlan(

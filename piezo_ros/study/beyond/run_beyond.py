@@ -26,6 +26,7 @@ from piezo_ros.parameters.run import PlannedRun, RunResult
 from piezo_ros.study.beyond.experiments import run_beyond_experiments
 from piezo_ros.study.beyond.page import write_beyond_page
 from piezo_ros.study.beyond.results import BeyondResults
+from piezo_ros.study.model_files import write_models
 from piezo_ros.study.study_runs import StudyRuns
 
 __all__ = ['run_beyond']
@@ -67,6 +68,7 @@ def run_beyond(
     plan_text = keep_plan(plan.path, directory)
     runs = StudyRuns(directory, run, announce)
     results = run_beyond_experiments(plan.base, runs.each, runs.one, directory)
+    write_models(directory, results.hysteresis, results.dynamics)
     with interruptible():
         report = write_beyond_page(
             directory, results, title=plan.title, software=software_versions(), plan=plan_text,

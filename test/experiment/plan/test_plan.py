@@ -245,7 +245,7 @@ def test_a_sample_period_of_its_own_in_a_parameter_file_is_found(write_plan, tmp
 def test_a_bad_value_is_laid_at_the_door_of_its_parameter_file(write_plan, tmp_path):
     (tmp_path / 'own.yaml').write_text('/**/plant: {ros__parameters: {noise_rms_um: .nan}}')
     message = refusal_of(write_plan(parameter_files=['own.yaml']))
-    assert 'own.yaml: plant: noise_rms_um is nan um, allowed is 0 … 1000 um' in message
+    assert 'own.yaml:1: plant: noise_rms_um is nan um, allowed is 0 … 1000 um' in message
 
 
 A_HUNDRED = str([*range(1, 101)])

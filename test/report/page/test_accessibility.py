@@ -54,8 +54,7 @@ def found_by_axe(page):
 
 
 @pytest.mark.parametrize('mode', [
-    'light', 'dark', pytest.param('phone', marks=pytest.mark.slow),
-    pytest.param('print', marks=pytest.mark.slow)])
+    'light', *(pytest.param(mode, marks=pytest.mark.slow) for mode in ('dark', 'phone', 'print'))])
 def test_axe_finds_nothing(chromium, run_report, mode):
     for path in pages(run_report):
         with open_page(chromium, path, **MODES[mode]) as page:
@@ -107,7 +106,6 @@ def test_a_phone_scrolls_pictures_and_tables_not_the_page(chromium, run_report):
 def test_nothing_is_clipped_in_print_and_folds_are_open(chromium, run_report):
     for path in pages(run_report):
         with open_page(chromium, path, **MODES['print']) as page:
-            # As a reader prints it: folds that were closed stay closed on the screen.
             too_wide = page.evaluate("""
                 Array.from(document.querySelectorAll('table, pre, figure svg, p, figcaption'))
                   .filter((element) => element.checkVisibility())

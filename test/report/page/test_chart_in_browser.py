@@ -62,6 +62,7 @@ def test_charts_are_drawn_in_place_of_the_figures_also_in_folds_once_they_open(c
         assert page.errors == []
 
 
+@pytest.mark.slow
 def test_the_cursor_tells_the_values_in_both_panels_and_a_drag_zooms_both(chromium, report):
     with open_page(chromium, report) as page:
         page.wait_for_selector('.uplot canvas')
@@ -81,6 +82,7 @@ def test_the_cursor_tells_the_values_in_both_panels_and_a_drag_zooms_both(chromi
         assert page.errors == []
 
 
+@pytest.mark.slow
 def test_print_shows_the_figure_and_a_phone_needs_no_scrolling_sideways(chromium, report):
     with open_page(chromium, report, printed=True) as page:
         assert page.locator('.drawing').first.is_visible()

@@ -177,12 +177,13 @@ const piezoCharts = (() => {
     draw() {
       if (!this.width) return;
       this.plots.forEach((plot) => plot.destroy());
-      this.element.querySelectorAll('h4').forEach((title) => title.remove());
+      this.element.querySelectorAll('.panel-title').forEach((title) => title.remove());
       this.reset.hidden = true;
       this.element.append(this.reset);
       this.plots = this.content.panels.map((panel) => {
         if (panel.title) {
-          const title = document.createElement('h4');
+          const title = document.createElement('p');
+          title.className = 'panel-title';
           title.textContent = panel.title;
           this.element.append(title);
         }
