@@ -41,6 +41,8 @@ class Module(NamedTuple):
         Its ``__all__``; empty where there is none.
     imported : mapping of str to str
         Name that it imports -> module that it imports it from.
+    assigned : frozenset of str
+        Names that it assigns to: constants and types.
 
     """
 
@@ -48,6 +50,7 @@ class Module(NamedTuple):
     is_package: bool
     public: tuple[str, ...]
     imported: Mapping[str, str]
+    assigned: frozenset[str] = frozenset()
 
     @property
     def own(self) -> tuple[str, ...]:
@@ -72,6 +75,8 @@ def modules_of(package: Path) -> Iterator[Module]:
     """Yield every module of a package and of the packages in it, a package before its modules."""
     for path in sorted(package.rglob('*.py'), key=lambda path: path.with_suffix('').parts):
         parts = path.relative_to(package.parent).with_suffix('').parts
+        if parts[-1] == '__main__':  # runs as it is imported
+            continue
         is_package = parts[-1] == '__init__'
         tree = ast.parse(path.read_text(encoding='utf-8'))
         imported = {
@@ -79,7 +84,12 @@ def modules_of(package: Path) -> Iterator[Module]:
             if isinstance(statement, ast.ImportFrom) and statement.module
             for alias in statement.names}
         name = '.'.join(parts[:-1] if is_package else parts)
-        yield Module(name, is_package, public_names(tree), imported)
+        assigned = frozenset(
+            target.id for statement in tree.body
+            if isinstance(statement, ast.Assign | ast.AnnAssign)
+            for target in getattr(statement, 'targets', [getattr(statement, 'target', None)])
+            if isinstance(target, ast.Name))
+        yield Module(name, is_package, public_names(tree), imported, assigned)
 
 
 def page_of(module: Module, inner: list[str]) -> str:
@@ -97,7 +107,12 @@ def page_of(module: Module, inner: list[str]) -> str:
     lines = [module.name, '=' * len(module.name), '', f'.. automodule:: {module.name}']
     others = [name for name in module.public if name not in module.own]
     if not module.is_package and module.public:
-        lines += ['   :members:', '   :undoc-members:', f'   :exclude-members: {", ".join(others)}']
+        # Of what a module assigns automodule shows what has a comment of its own alone.
+        constants = [name for name in module.own if name in module.assigned]
+        lines += [
+            '   :members:', '   :undoc-members:',
+            f'   :exclude-members: {", ".join([*others, *constants])}', '',
+            *(f'.. autodata:: {module.name}.{name}' for name in constants)]
     elif module.own:
         lines += [
             '', '.. rubric:: Public names', '', '.. autosummary::', '   :toctree: .', '',

@@ -17,6 +17,7 @@
 import pytest
 from browser import browser, needs_browser, open_page
 from live_feed import planned_runs, show_run, status_of
+from screenshots import MODES
 
 from piezo_ros.live.view import live_view
 from piezo_ros.live.view.live_view import LiveView
@@ -122,3 +123,15 @@ def test_the_page_says_that_nothing_answers(chromium, view):
         view._server.close()
         _shown(page, 'no answer: piezo run has ended, or hangs')
         assert page.locator('#stop').is_disabled()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('mode', ['light', 'dark', 'phone'])
+def test_axe_finds_nothing(chromium, view, mode):
+    axe = pytest.importorskip('axe_playwright_python.sync_playwright', reason='no axe-core')
+    view.end_run(problem='plant: why')
+    # Only the own script may run: axe is let in by the browser.
+    with open_page(chromium, view.address, bypass_csp=True, **MODES[mode]) as page:
+        _shown(page, 'NRMSE, estimate')
+        found = axe.Axe().run(page).response['violations']
+        assert [(each['id'], [node['html'] for node in each['nodes']]) for each in found] == []
