@@ -77,7 +77,7 @@ def autocorrelation(residual: ArrayLike) -> Autocorrelation | None:
     >>> white = autocorrelation(np.random.default_rng(1).standard_normal(5000))
     >>> white.outside_percent < 15.0
     True
-    >>> autocorrelation(np.sin(np.arange(5000.0) / 100.0)).value[0] > 0.9
+    >>> bool(autocorrelation(np.sin(np.arange(5000.0) / 100.0)).value[0] > 0.9)
     True
 
     """

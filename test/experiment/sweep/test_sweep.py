@@ -251,7 +251,7 @@ def check_what_a_killed_worker_costs(work, engine, kill):
 
 
 def test_a_killed_process_costs_only_what_it_was_doing(prepare):
-    work = prepare(draws=4, periods=6000)
+    work = prepare(draws=4, periods=12_000)
     check_what_a_killed_worker_costs(
         work, local_engine(2),
         lambda: os.kill(multiprocessing.active_children()[0].pid, signal.SIGKILL))
