@@ -84,12 +84,18 @@ def modules_of(package: Path) -> Iterator[Module]:
             if isinstance(statement, ast.ImportFrom) and statement.module
             for alias in statement.names}
         name = '.'.join(parts[:-1] if is_package else parts)
-        assigned = frozenset(
-            target.id for statement in tree.body
-            if isinstance(statement, ast.Assign | ast.AnnAssign)
-            for target in getattr(statement, 'targets', [getattr(statement, 'target', None)])
-            if isinstance(target, ast.Name))
-        yield Module(name, is_package, public_names(tree), imported, assigned)
+        yield Module(
+            name, is_package, public_names(tree), imported, frozenset(assigned_names(tree)))
+
+
+def assigned_names(tree: ast.Module) -> Iterator[str]:
+    """Yield the names that a module assigns to, also several at once."""
+    for statement in tree.body:
+        if isinstance(statement, ast.Assign | ast.AnnAssign):
+            for target in getattr(statement, 'targets', [getattr(statement, 'target', None)]):
+                for node in ast.walk(target):
+                    if isinstance(node, ast.Name):
+                        yield node.id
 
 
 def page_of(module: Module, inner: list[str]) -> str:

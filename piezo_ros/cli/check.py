@@ -67,7 +67,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='how long the node may take to appear (default: 15)')
     parser.add_argument(
         '--patience-s', type=float, default=10.0, metavar='T',
-        help='how long an answer may take (default: 5)')
+        help='how long an answer may take (default: 10)')
     parser.add_argument(
         '--watchdog-s', type=float, default=5.0, metavar='T',
         help='how long the plant may go on without voltage (default: 5)')
