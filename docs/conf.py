@@ -128,6 +128,6 @@ html_theme_options = {
     'collapse_navigation': True,
     'navigation_depth': 3,
 } if html_theme == 'pydata_sphinx_theme' else {}
-html_sidebars = {'index': [], 'generated/api/*': []}
+html_sidebars = {'index': [], 'generated/api/*': [], 'generated/api/names/*': []}
 html_show_sourcelink = False
 html_copy_source = False

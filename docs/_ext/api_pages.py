@@ -25,6 +25,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 FOLDER = Path('generated', 'api')
+NAMES = 'names'  # a folder of its own: a function may have the name of its module
 
 
 class Module(NamedTuple):
@@ -41,8 +42,8 @@ class Module(NamedTuple):
         Its ``__all__``; empty where there is none.
     imported : mapping of str to str
         Name that it imports -> module that it imports it from.
-    assigned : frozenset of str
-        Names that it assigns to: constants and types.
+    assigned : mapping of str to ast.expr
+        Name that it assigns to -> the expression: constants and types.
 
     """
 
@@ -50,7 +51,7 @@ class Module(NamedTuple):
     is_package: bool
     public: tuple[str, ...]
     imported: Mapping[str, str]
-    assigned: frozenset[str] = frozenset()
+    assigned: Mapping[str, ast.expr | None]
 
     @property
     def own(self) -> tuple[str, ...]:
@@ -85,17 +86,31 @@ def modules_of(package: Path) -> Iterator[Module]:
             for alias in statement.names}
         name = '.'.join(parts[:-1] if is_package else parts)
         yield Module(
-            name, is_package, public_names(tree), imported, frozenset(assigned_names(tree)))
+            name, is_package, public_names(tree), imported, dict(assignments(tree)))
 
 
-def assigned_names(tree: ast.Module) -> Iterator[str]:
-    """Yield the names that a module assigns to, also several at once."""
+def assignments(tree: ast.Module) -> Iterator[tuple[str, ast.expr | None]]:
+    """Yield the names that a module assigns to, also several at once, with the expression."""
     for statement in tree.body:
         if isinstance(statement, ast.Assign | ast.AnnAssign):
             for target in getattr(statement, 'targets', [getattr(statement, 'target', None)]):
                 for node in ast.walk(target):
                     if isinstance(node, ast.Name):
-                        yield node.id
+                        yield node.id, statement.value
+
+
+def entry_of(module: str, name: str, value: ast.expr | None) -> list[str]:
+    """
+    Return the lines that document what a module assigns to a name.
+
+    numpydoc fails at the signature that a type like ``dict[str, int]`` and a bound method of a type
+    written in C inherit: these are told as they stand in the source.
+    """
+    if isinstance(value, ast.Subscript | ast.Attribute):
+        return [
+            f'.. py:data:: {module}.{name}', '',
+            f'   ``{ast.unparse(value)}``', '']
+    return [f'.. autodata:: {module}.{name}']
 
 
 def page_of(module: Module, inner: list[str]) -> str:
@@ -118,10 +133,11 @@ def page_of(module: Module, inner: list[str]) -> str:
         lines += [
             '   :members:', '   :undoc-members:',
             f'   :exclude-members: {", ".join([*others, *constants])}', '',
-            *(f'.. autodata:: {module.name}.{name}' for name in constants)]
+            *(line for name in constants
+              for line in entry_of(module.name, name, module.assigned[name]))]
     elif module.own:
         lines += [
-            '', '.. rubric:: Public names', '', '.. autosummary::', '   :toctree: .', '',
+            '', '.. rubric:: Public names', '', '.. autosummary::', f'   :toctree: {NAMES}', '',
             *(f'   {name}' for name in module.own)]
     if others:
         lines += [
@@ -148,9 +164,10 @@ def write_pages(app, config):
         if not path.exists() or path.read_text(encoding='utf-8') != text:
             path.write_text(text, encoding='utf-8')
         written |= {path, *(
-            folder / f'{module.name}.{name}.rst' for name in module.own if module.is_package)}
+            folder / NAMES / f'{module.name}.{name}.rst'
+            for name in module.own if module.is_package)}
     # What autosummary wrote of a name stays as long as the name does.
-    for path in {*folder.glob('*.rst')} - written:
+    for path in {*folder.rglob('*.rst')} - written:
         path.unlink()
 
 

@@ -162,5 +162,5 @@ def test_a_model_is_identified_from_a_table_without_any_bag(tmp_path, capsys):
     assert main([*command, '--from-response', str(tmp_path / 'a.csv')]) == 0
     rate = float(capsys.readouterr().out.split('rate_1_rad_per_s')[1].split()[0])
     assert rate == pytest.approx(2.0 * np.pi * 200.0, rel=1e-4)
-    assert main([*command, '--force']) == 1
+    assert main([*command, '--force']) == 2
     assert 'no BAG is given, and no --from-response FILE' in capsys.readouterr().err
