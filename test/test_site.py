@@ -132,7 +132,6 @@ def test_every_public_name_has_a_page(site):
     html, _ = site
     # Four lines of text, then compressed: name, role, priority, address, title.
     packed = (html / 'objects.inv').read_bytes().split(b'\n', 4)[4]
-    # A function may have the name of its module.
     where = set(re.findall(
         r'^(\S+) py:\S+ \S+ ([^\s#]+)', zlib.decompress(packed).decode(), re.MULTILINE))
     missing = [name for name, page in public_names() if (name, page) not in where]

@@ -20,12 +20,13 @@ installed. Sphinx imports the modules where it reads the pages.
 """
 
 import ast
+import builtins
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
 FOLDER = Path('generated', 'api')
-NAMES = 'names'  # a folder of its own: a function may have the name of its module
+NAMES = 'names'  # a folder of its own, beside those of the modules
 
 
 class Module(NamedTuple):
@@ -59,9 +60,11 @@ class Module(NamedTuple):
         if not self.is_package:
             return tuple(name for name in self.public if name not in self.imported)
         # What a package offers of its own modules; another package documents its own.
+        # A function that has the name of its module is documented there.
         return tuple(
             name for name in self.public
-            if self.imported.get(name, self.name + '.').startswith(self.name + '.'))
+            if self.imported.get(name, self.name + '.').startswith(self.name + '.')
+            and self.imported.get(name) != f'{self.name}.{name}')
 
 
 def public_names(tree: ast.Module) -> tuple[str, ...]:
@@ -106,9 +109,11 @@ def entry_of(module: str, name: str, value: ast.expr | None) -> list[str]:
     numpydoc fails at the signature that a type like ``dict[str, int]`` and a bound method of a type
     written in C inherit: these are told as they stand in the source.
     """
-    if isinstance(value, ast.Subscript | ast.Attribute):
+    base = value.value if isinstance(value, ast.Subscript) else None
+    is_type = isinstance(base, ast.Name) and hasattr(builtins, base.id)
+    if is_type or isinstance(value, ast.Attribute):
         return [
-            f'.. py:data:: {module}.{name}', '',
+            f'.. py:data:: {name}', f'   :module: {module}', '',
             f'   ``{ast.unparse(value)}``', '']
     return [f'.. autodata:: {module}.{name}']
 
