@@ -23,7 +23,7 @@ import os
 import re
 from pathlib import Path, PurePosixPath
 
-# Page of the site -> file of the repository whose text it has.
+# Page of the site -> file of the repository with its text.
 REPOSITORY_PAGES = {
     'project/readme': 'README.md',
     'project/benchmarks': 'benchmarks/README.md',

@@ -15,7 +15,7 @@
 """
 Statistics of the scores of a sweep: quantiles, and which drawn parameter they depend on.
 
-A quantile q of N draws lies, with 95 % confidence, between two of the sorted scores, whose places
+A quantile q of N draws lies, with 95 % confidence, between two of the sorted scores: their places
 are the quantiles 0.025 and 0.975 of the binomial distribution of N and q. The rank correlation
 (Spearman) r has the interval
 

@@ -27,7 +27,6 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from std_msgs.msg import Float64MultiArray
 
 from piezo_ros.runtime.node.hooks import NodeHooks
@@ -118,8 +117,7 @@ class Relay:
         message, copy = writer.message, writer.copy
         own = np.frombuffer(message, np.uint8)
         recent = copy.recent if copy else np.zeros(1)
-        publish, outlet = writer.outlet.publish_raw, writer.outlet
-        sched_yield, node = os.sched_yield, self._node
+        publish, sched_yield, node = writer.outlet.publish, os.sched_yield, self._node
         # Loaded, or compiled, before the first sample.
         answer = relay_kernel(
             element.sample_step, b'', expected, own, recent, memory, self._beside, 0, 0, 0, 0)
@@ -138,10 +136,7 @@ class Relay:
                 index - self._origin, index, answer_index,
             ):
                 reader.next_index = index + 1
-                try:
-                    publish(message)
-                except _rclpy.RCLError:
-                    outlet.publish_patiently(message, answer_index)
+                publish(message, answer_index)
                 writer.next_index = answer_index = answer_index + 1
                 if copy and answer_index == copy.due:
                     copy.flush(answer_index)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The server of the live page: what it answers, whom it refuses, and that nothing blocks it."""
+"""The server of the live page: what it answers, what it refuses, and that nothing blocks it."""
 
 import contextlib
 import http.client
