@@ -16,24 +16,19 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from datetime import datetime, timezone
-from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 
 from piezo_ros.bag import Recording, Run
+from piezo_ros.bag.recording_date import recorded_utc
 from piezo_ros.parameters.roles import parameters_by_role
 from piezo_ros.report.amplifier_use import AmplifierLimits, amplifier_limits
 
 __all__ = ['RunSetup', 'RunStart', 'run_setup', 'run_start']
 
 _SHOWN_PERIODS: Final = 4
-_NS_PER_S: Final = 1e9
-# Bags of simulations begin at 0, those of a clock that was not set not much later.
-_EARLIEST: Final = datetime(2000, 1, 1, tzinfo=timezone.utc)
 
 
 class RunSetup(NamedTuple):
@@ -99,7 +94,7 @@ def run_setup(run: Run | Recording, scheme: str) -> RunSetup:
         integral_gain_per_s=_number(controller, 'integral_gain_per_s') if has_feedback else None,
         changes=str(controller.get('changes', '')),
         limits=amplifier_limits(roles.get('plant') or roles.get('hardware_plant') or {}),
-        recorded=_recorded(run.path))
+        recorded=recorded_utc(run.path))
 
 
 def run_start(run: Run | Recording, frequency_hz: float, *, before: int) -> RunStart | None:
@@ -133,16 +128,3 @@ def run_start(run: Run | Recording, frequency_hz: float, *, before: int) -> RunS
 def _number(parameters: Mapping[str, Any], name: str) -> float | None:
     value = parameters.get(name)
     return float(value) if isinstance(value, int | float) and math.isfinite(value) else None
-
-
-def _recorded(path: Path) -> str:
-    """Return when a bag begins, '' where its metadata.yaml does not tell."""
-    try:
-        entries = yaml.safe_load((path / 'metadata.yaml').read_text(encoding='utf-8'))
-        start_ns = entries['rosbag2_bagfile_information']['starting_time'][
-            'nanoseconds_since_epoch']
-        start = datetime.fromtimestamp(start_ns / _NS_PER_S, tz=timezone.utc)
-    except (OSError, UnicodeDecodeError, yaml.YAMLError, KeyError, TypeError, ValueError,
-            OverflowError):  # of foreign bags
-        return ''
-    return f'{start:%Y-%m-%d %H:%M:%S}' if start >= _EARLIEST else ''

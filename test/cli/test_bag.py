@@ -13,9 +13,11 @@
 # limitations under the License.
 
 import os
+import shutil
 
 import numpy as np
 import pytest
+import yaml
 
 from piezo_ros.bag import STREAMS, BagWriter, read
 from piezo_ros.cli.main import main
@@ -70,6 +72,23 @@ def test_info_tells_streams_units_and_parameters(bag, command):
     assert 'sample period  1e-05 s' in out
     assert 'parameters of  /compensator, /controller, /plant, /trajectory' in out
     assert [line.split()[1] for line in out.splitlines() if line.startswith('scheme')] == ['fbff']
+
+
+def test_info_tells_when_the_bag_was_recorded(bag, command, tmp_path):
+    def told(path):
+        code, out, _ = command('info', path)
+        assert code == 0
+        (line,) = (line for line in out.splitlines() if line.startswith('recorded '))
+        return line
+
+    assert told(bag).startswith('recorded       no date: a simulation without a clock')
+    dated = tmp_path / 'dated'
+    shutil.copytree(bag, dated)
+    metadata = yaml.safe_load((dated / 'metadata.yaml').read_text())
+    metadata['rosbag2_bagfile_information']['starting_time'] = {
+        'nanoseconds_since_epoch': 1_700_000_000_999_999_999}
+    (dated / 'metadata.yaml').write_text(yaml.safe_dump(metadata))
+    assert told(dated) == 'recorded       2023-11-14 22:13:20 UTC'
 
 
 def test_an_exported_table_holds_the_same_bits(bag, command, tmp_path):

@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from piezo_ros.bag import STREAMS, open_recording, salvage
+from piezo_ros.bag.recording_date import recorded_utc
 from piezo_ros.cli.bag.outcome import guarded
 from piezo_ros.cli.shared.bag_options import add_bag_options, bag_options
 from piezo_ros.parameters.role_parameters import full_name
@@ -26,6 +27,7 @@ from piezo_ros.parameters.role_parameters import full_name
 __all__ = ['add_actions']
 
 _UNITS: Final = {'v': 'V'}  # in the names of columns units are in lower case
+_NO_DATE: Final = 'no date: a simulation without a clock, or metadata.yaml does not tell'
 
 
 def add_actions(kinds: Any) -> None:
@@ -43,6 +45,8 @@ def add_actions(kinds: Any) -> None:
 def _info(options: argparse.Namespace) -> tuple[str, ...]:
     run = open_recording(options.bag, **bag_options(options))
     print(f'bag            {run.path}')
+    recorded = recorded_utc(run.path)
+    print(f'recorded       {f"{recorded} UTC" if recorded else _NO_DATE}')
     print(f'namespace      {run.namespace}')
     print(f'sample period  {run.sample_period_s:g} s')
     print(f'common samples {run.samples} from index {run.start_index}')
