@@ -85,7 +85,9 @@ def launch_page() -> str:
         'The nodes find each other themselves: none sends before its peers are there, so the order',
         'in which they start does not matter. With `autostart:=false` they stay unconfigured, for',
         'a lifecycle manager or `ros2 lifecycle set`.',
-        'Parameter files are by default those in `config/`.', '', *_INCLUDED]
+        'Parameter files are by default those in `config/`.',
+        'An argument that the file does not declare is refused on the command line; launch itself',
+        'ignores it, as it still does where the file is included in another one.', '', *_INCLUDED]
     for file, arguments in LAUNCH_FILES.items():
         lines += ['', f'## {file}', '', *_launch_table(arguments)]
     return '\n'.join([*lines, ''])

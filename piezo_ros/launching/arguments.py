@@ -15,18 +15,24 @@
 """The arguments of the launch files, most of them parameters of the nodes."""
 
 import dataclasses
-from collections.abc import Mapping
+import itertools
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 from piezo_ros.model.parameters import constraint_of
+from piezo_ros.parameters.errors import PlanError
 from piezo_ros.parameters.node_parameters import NODE_PARAMETERS
+from piezo_ros.suggestions import did_you_mean
 
 __all__ = [
     'LAUNCH_FILES',
     'PLANT_ARGUMENTS',
     'SCAN_ARGUMENTS',
     'LaunchArgument',
+    'check_given',
     'given_arguments',
+    'is_launched_by',
     'value_text',
 ]
 
@@ -45,6 +51,11 @@ SCAN_ARGUMENTS: Final = {
 # Arguments of every launch file that are parameters of the plant.
 PLANT_ARGUMENTS: Final = ('realtime_factor', 'publish_clock')
 _TRUE_FALSE: Final = ('true', 'false')
+
+# What launch itself takes from a command line, for every launch file.
+_OF_LAUNCH: Final = (
+    'emulate_tty', 'launch-prefix', 'launch-prefix-filter', 'sigkill_timeout', 'sigterm_timeout')
+_ASSIGNS: Final = ':='
 
 
 class LaunchArgument(NamedTuple):
@@ -133,3 +144,54 @@ def given_arguments(launch_file: str, values: Mapping[str, str]) -> str:
     return ', '.join(
         f'{argument.name}:={values[argument.name]}' for argument in LAUNCH_FILES[launch_file]
         if not argument.name.endswith('_file') and values[argument.name] != argument.default)
+
+
+def is_launched_by(command_line: Sequence[str], package: str, launch_file: Path) -> bool:
+    """
+    Return whether a command line launches a launch file itself, not another one that includes it.
+
+    Parameters
+    ----------
+    command_line : sequence of str
+        That of ``ros2 launch``.
+    package : str
+        The package that installs the launch file.
+    launch_file : Path
+        The launch file.
+
+    """
+    for before, word in itertools.pairwise(command_line):
+        if _ASSIGNS in word:
+            continue
+        # By package and name; else by path, of whichever copy or link.
+        if (before, word) == (package, launch_file.name):
+            return True
+        if Path(word).name == launch_file.name and Path(word).exists():
+            return Path(word).samefile(launch_file)
+    return False
+
+
+def check_given(launch_file: Path, words: Sequence[str]) -> None:
+    """
+    Refuse arguments that a launch file does not declare: launch itself ignores them.
+
+    Parameters
+    ----------
+    launch_file : Path
+        One of `LAUNCH_FILES`.
+    words : sequence of str
+        What was given on the command line, as ``name:=value``.
+
+    Raises
+    ------
+    PlanError
+        If a name is none of the launch file's.
+
+    """
+    allowed = [argument.name for argument in LAUNCH_FILES[launch_file.name]]
+    for word in words:
+        name, assigns, _ = word.partition(_ASSIGNS)
+        if assigns and name not in (*allowed, *_OF_LAUNCH):
+            raise PlanError(
+                f'{launch_file}: unknown argument {word}; allowed are {", ".join(allowed)}'
+                f'{did_you_mean(name, allowed)}')

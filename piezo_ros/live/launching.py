@@ -14,6 +14,7 @@
 
 """Hands the tables of `piezo_ros.launching` over to `launch`."""
 
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +27,12 @@ from launch.logging import get_logger
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
-from piezo_ros.launching.arguments import LAUNCH_FILES, given_arguments
+from piezo_ros.launching.arguments import (
+    LAUNCH_FILES,
+    check_given,
+    given_arguments,
+    is_launched_by,
+)
 from piezo_ros.launching.processes import node_processes, reason_to_end
 
 __all__ = ['describe']
@@ -50,6 +56,11 @@ def describe(launch_file: Path) -> LaunchDescription:
     arguments = LAUNCH_FILES[launch_file.name]
     config = launch_file.parents[1] / 'config'
 
+    def check(context: LaunchContext) -> None:
+        # What is given to a launch file that includes this one may be for itself alone.
+        if is_launched_by(sys.argv, PACKAGE, launch_file):
+            check_given(launch_file, [*context.argv])
+
     def start(context: LaunchContext) -> list[Any]:
         values = {name: context.launch_configurations[name] for name, *_ in arguments}
         rig = _Rig(ends_launch=values['ends'] == 'launch')
@@ -71,6 +82,7 @@ def describe(launch_file: Path) -> LaunchDescription:
     # A scope of its own: else what is declared here would be the default of whatever launch file
     # is included next and has an argument of the same name.
     return LaunchDescription([GroupAction([
+        OpaqueFunction(function=check),
         *(DeclareLaunchArgument(
             argument.name, description=argument.description,
             choices=argument.choices or None,

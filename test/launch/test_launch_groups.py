@@ -52,12 +52,16 @@ while not os.path.exists(path):
 end('ended', int(open(path).read()))
 """
 
+# As `ros2 launch` does it: the service has the arguments, and gives them to the file.
 RUN = """\
 import sys
 from launch import LaunchService
 from launch.launch_description_sources import get_launch_description_from_python_launch_file
-service = LaunchService()
-service.include_launch_description(get_launch_description_from_python_launch_file(sys.argv[1]))
+from launch import LaunchDescription
+from launch.actions import IncludeLaunchDescription
+service = LaunchService(argv=sys.argv[2:])
+service.include_launch_description(LaunchDescription([IncludeLaunchDescription(
+    sys.argv[1], launch_arguments=[word.split(':=', 1) for word in sys.argv[2:]])]))
 sys.exit(service.run())
 """
 
@@ -79,7 +83,7 @@ def generate_launch_description():
 class _Launch:
     """A launch that runs in a process group of its own, as one in a terminal does."""
 
-    def __init__(self, folder, entities):
+    def __init__(self, folder, entities, arguments=(), file=None):
         pytest.importorskip('launch_ros')
         self._ends = folder / 'ends'
         self._said = folder / 'said.txt'
@@ -92,12 +96,12 @@ class _Launch:
         for name in ('recorder', 'loop', *NODES):
             (programs / name).write_text(STAND_IN.format(python=sys.executable))
             (programs / name).chmod(0o755)
-        file = folder / 'two_rigs.launch.py'
-        file.write_text(HEAD.format(folder=str(ROOT / 'launch'), entities=entities))
+        outer = folder / 'two_rigs.launch.py'
+        outer.write_text(HEAD.format(folder=str(ROOT / 'launch'), entities=entities))
         with self._said.open('w') as output:
             self._process = subprocess.Popen(
-                [sys.executable, '-c', RUN, str(file)], stdin=subprocess.DEVNULL, stdout=output,
-                stderr=subprocess.STDOUT, start_new_session=True,
+                [sys.executable, '-c', RUN, str(file or outer), *arguments],
+                stdin=subprocess.DEVNULL, stdout=output, stderr=subprocess.STDOUT, start_new_session=True,
                 env={
                     **os.environ, 'ENDS': str(self._ends), 'ROS_LOG_DIR': str(folder / 'log'),
                     'PYTHONPATH': f'{ROOT}:{os.environ.get("PYTHONPATH", "")}',
@@ -133,10 +137,10 @@ class _Launch:
     def ctrl_c(self):
         os.killpg(self._process.pid, signal.SIGINT)
 
-    def wait(self):
+    def wait(self, code=0):
         """Return what it has said, once it is over by itself."""
         try:
-            assert self._process.wait(PATIENCE_S) == 0, self.said
+            assert self._process.wait(PATIENCE_S) == code, self.said
         except subprocess.TimeoutExpired:
             pytest.fail(f'the launch does not end:\n{self.said}')
         return self.said
@@ -152,8 +156,8 @@ def launched(tmp_path):
     """Launch some entities."""
     launches = []
 
-    def start(entities):
-        launches.append(_Launch(tmp_path, entities))
+    def start(entities, *arguments, file=None):
+        launches.append(_Launch(tmp_path, entities, arguments, file))
         return launches[-1]
 
     try:
@@ -262,3 +266,20 @@ def test_what_is_not_given_is_by_default_in_a_group_and_nothing_of_ours_is_left_
     launch.wait_for(''.join(f'{name}=unset' for name in names))
     assert 'scan.launch.py in /one: ' in launch.said
     assert 'scan.launch.py in /two: namespace:=two\n' in launch.said
+
+
+def test_a_misspelt_argument_of_the_launch_file_itself_starts_nothing(launched):
+    path = ROOT / 'launch' / 'scan.launch.py'
+    said = launched('', 'frequncy_hz:=500', file=path).wait(code=1)
+    assert f'{path}: unknown argument frequncy_hz:=500; allowed are scheme, ' in said
+    assert "did you mean 'frequency_hz'?" in said
+    assert ' began' not in said
+
+
+def test_arguments_of_an_enclosing_launch_file_are_its_own(launched):
+    launch = launched(
+        "include('scan', namespace=LaunchConfiguration('rig_name'), record='true')",
+        'rig_name:=one', 'frequncy_hz:=500')
+    launch.wait_for(*all_of('_one', 'began'))
+    launch.end('_one', 'recorder', 0)
+    assert is_clean(launch.wait())

@@ -19,7 +19,12 @@ from pathlib import Path
 
 import pytest
 
-from piezo_ros.launching.arguments import LAUNCH_FILES, given_arguments
+from piezo_ros.launching.arguments import (
+    LAUNCH_FILES,
+    check_given,
+    given_arguments,
+    is_launched_by,
+)
 from piezo_ros.launching.processes import node_processes, reason_to_end
 from piezo_ros.model import ParameterError
 from piezo_ros.parameters.errors import PlanError
@@ -226,3 +231,39 @@ def test_a_file_with_what_rclpy_declares_itself_is_handed_over(tmp_path):
     file.write_text('/**/plant: {ros__parameters: {seed: 7, use_sim_time: true}}')
     plant = processes('rig.launch.py', rig_file=str(file))['plant']
     assert plant[plant.index('--params-file') + 1] == str(file)
+
+
+def test_arguments_that_a_launch_file_does_not_declare_are_refused():
+    path = CONFIG.parent / 'launch' / 'scan.launch.py'
+    check_given(path, ['frequency_hz:=500', 'sigterm_timeout:=20', 'launch-prefix:=nice'])
+    with pytest.raises(PlanError) as caught:
+        check_given(path, ['scheme:=fb', 'frequncy_hz:=500'])
+    text = str(caught.value)
+    assert text.startswith(f'{path}: unknown argument frequncy_hz:=500; allowed are scheme, ')
+    assert text.endswith("; did you mean 'frequency_hz'?")
+    for argument in LAUNCH_FILES['scan.launch.py']:
+        assert argument.name in text
+    with pytest.raises(PlanError, match='unknown argument scheme:=fb'):
+        check_given(path.with_name('rig.launch.py'), ['scheme:=fb'])
+
+
+@pytest.mark.parametrize(('words', 'itself'), [
+    (['launch', 'piezo_ros', 'scan.launch.py', 'frequncy_hz:=500'], True),
+    (['launch', '-n', 'piezo_ros', 'scan.launch.py'], True),
+    (['launch', '{folder}/scan.launch.py', 'scheme:=fb'], True),
+    (['launch', '{linked}/scan.launch.py'], True),
+    (['launch', 'piezo_ros', 'rig.launch.py'], False),
+    (['launch', 'my_rigs', 'scan.launch.py', 'rigs:=2'], False),
+    (['launch', '{other}/scan.launch.py', 'rigs:=2'], False),
+    (['launch', '{other}/two.launch.py', 'inner:={folder}/scan.launch.py'], False),
+    (['my_launcher.py'], False),
+])
+def test_only_what_is_given_to_the_launch_file_itself_is_judged(tmp_path, words, itself):
+    folder = CONFIG.parent / 'launch'
+    (tmp_path / 'linked').symlink_to(folder)
+    other = tmp_path / 'other'
+    other.mkdir()
+    (other / 'scan.launch.py').touch()
+    line = [
+        word.format(folder=folder, linked=tmp_path / 'linked', other=other) for word in words]
+    assert is_launched_by(['ros2', *line], 'piezo_ros', folder / 'scan.launch.py') is itself
