@@ -101,7 +101,8 @@ class _Launch:
         with self._said.open('w') as output:
             self._process = subprocess.Popen(
                 [sys.executable, '-c', RUN, str(file or outer), *arguments],
-                stdin=subprocess.DEVNULL, stdout=output, stderr=subprocess.STDOUT, start_new_session=True,
+                stdin=subprocess.DEVNULL, stdout=output, stderr=subprocess.STDOUT,
+                start_new_session=True,
                 env={
                     **os.environ, 'ENDS': str(self._ends), 'ROS_LOG_DIR': str(folder / 'log'),
                     'PYTHONPATH': f'{ROOT}:{os.environ.get("PYTHONPATH", "")}',
