@@ -37,6 +37,8 @@ def did_you_mean(word: object, allowed: Iterable[str]) -> str:
     "; did you mean 'frequency_hz'?"
     >>> did_you_mean('amplitude', ['amplitude_um', 'frequency_hz'])
     "; did you mean 'amplitude_um'?"
+    >>> did_you_mean('pos', ['time [s]', 'pos [nm]'])
+    "; did you mean 'pos [nm]'?"
     >>> did_you_mean('pid', ['fb', 'ff'])
     ''
 
@@ -44,7 +46,9 @@ def did_you_mean(word: object, allowed: Iterable[str]) -> str:
     if not isinstance(word, str):
         return ''
     by_lower_case = {name.lower(): name for name in allowed}
-    nearest = get_close_matches(word.lower().replace('-', '_'), by_lower_case, n=1)
-    if not nearest:
-        nearest = get_close_matches(word.lower(), by_lower_case, n=1)
+    for form in (word.lower().replace('-', '_'), word.lower()):
+        nearest = get_close_matches(form, by_lower_case, n=1) or [
+            name for name in by_lower_case if form and name.startswith(form)]
+        if nearest:
+            break
     return f'; did you mean {by_lower_case[nearest[0]]!r}?' if nearest else ''

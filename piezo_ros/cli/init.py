@@ -15,7 +15,6 @@
 """``piezo init``: a copy of one of the examples, to run as it is and to change."""
 
 import argparse
-import difflib
 import shutil
 from pathlib import Path
 from typing import Final
@@ -24,6 +23,7 @@ from piezo_ros.cli.shared.exit_codes import EXIT_DONE
 from piezo_ros.experiment.output_directory import copy_plan
 from piezo_ros.experiment.plan.packaged_plans import examples
 from piezo_ros.parameters.errors import PlanError
+from piezo_ros.suggestions import did_you_mean
 
 __all__ = ['add_arguments']
 
@@ -53,10 +53,9 @@ def _init(options: argparse.Namespace) -> int:
             print(f'{name:16}{_title(source)}')
         return EXIT_DONE
     if options.name not in there:
-        near = difflib.get_close_matches(options.name, there, n=1)
         raise PlanError(
-            f'there is no example {options.name!r}'
-            + (f'; did you mean {near[0]}?' if near else '') + f' There are {", ".join(there)}')
+            f'there is no example {options.name!r}; there are {", ".join(there)}'
+            f'{did_you_mean(options.name, there)}')
     directory = options.output or Path(options.name)
     if directory.exists() and (not directory.is_dir() or any(directory.iterdir())):
         raise PlanError(f'{directory} exists; -o DIR takes another')

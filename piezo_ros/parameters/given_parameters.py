@@ -23,7 +23,6 @@ of ``--params-file`` makes every ``-p`` give way to the file, also those behind 
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -38,6 +37,7 @@ from piezo_ros.parameters.node_parameters import (
 )
 from piezo_ros.parameters.parameter_file import parameter_sections, read_yaml
 from piezo_ros.parameters.role_parameters import full_name, name_matches
+from piezo_ros.suggestions import did_you_mean
 
 __all__ = ['GivenParameter', 'TakingNode', 'check_given', 'given_parameters']
 
@@ -239,10 +239,7 @@ def _told_in_vain(given: GivenParameter, meant: Sequence[TakingNode]) -> str:
 def _nearest(name: str, meant: Sequence[TakingNode]) -> str:
     known = [
         *PARAMETERS_OF_RCLPY, *(own for node in meant for own in parameter_names(node.role))]
-    nearest = get_close_matches(name, known, n=1)
-    if nearest:
-        return f'; the nearest is {nearest[0]!r}'
-    return f'; `{meant[0].role} --help` lists what there is'
+    return did_you_mean(name, known) or f'; `{meant[0].role} --help` lists what there is'
 
 
 def _unused_files(

@@ -66,7 +66,7 @@ def test_a_folder_is_copied_as_it_is(init, tmp_path):
 
 
 @pytest.mark.parametrize(('arguments', 'words'), [
-    (('slow_stge',), "no example 'slow_stge'; did you mean slow_stage?"),
+    (('slow_stge',), "did you mean 'slow_stage'?"),
     (('demo', '-o', '.'), '. exists; -o DIR takes another'),
 ])
 def test_what_cannot_be_copied_is_told(init, tmp_path, arguments, words):
@@ -90,7 +90,7 @@ def test_a_misspelt_bare_name_is_told(capsys):
     with pytest.raises(SystemExit) as left:
         main(['simulate', 'dmo', '-o', 'x'])
     assert left.value.code == 2
-    assert 'did you mean demo?' in capsys.readouterr().err
+    assert "did you mean 'demo'?" in capsys.readouterr().err
 
 
 def test_the_version_is_that_of_the_package(capsys):

@@ -61,7 +61,7 @@ def test_a_misspelt_parameter_is_refused_with_the_nearest_name(check, given):
     with pytest.raises(ParameterError) as refused:
         check(given)
     assert "unknown parameter 'proportional_gian' of controller" in str(refused.value)
-    assert "the nearest is 'proportional_gain'" in str(refused.value)
+    assert "did you mean 'proportional_gain'?" in str(refused.value)
     with pytest.raises(ParameterError):
         check(given, nodes=LOOP)
 

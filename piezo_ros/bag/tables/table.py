@@ -14,7 +14,6 @@
 
 """A table of measured columns, whichever file it is in."""
 
-import difflib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -25,6 +24,7 @@ from numpy.typing import NDArray
 
 from piezo_ros.bag.errors import BagError
 from piezo_ros.parameters.errors import PlanError
+from piezo_ros.suggestions import did_you_mean
 
 __all__ = ['Column', 'Table', 'TableError', 'columns_of_array', 'missing_library']
 
@@ -123,11 +123,9 @@ class Table:
             raise PlanError(
                 f'{self.path} has {len(found)} columns {name!r}: take one by its number, 1 … '
                 f'{len(self.columns)}')
-        near = difflib.get_close_matches(name, self._by_name, n=1, cutoff=0.5)
         raise PlanError(
-            f'{self.path} has no column {name!r}'
-            + (f'; did you mean {near[0]!r}?' if near else '')
-            + f' It has {_listed(self._by_name)}')
+            f'{self.path} has no column {name!r}; it has {_listed(self._by_name)}'
+            f'{did_you_mean(name, self._by_name)}')
 
     def _found(self, name: str) -> list[Column]:
         if name in self._by_name:

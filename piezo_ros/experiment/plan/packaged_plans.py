@@ -14,7 +14,6 @@
 
 """The plans and examples that come with the package, in ``config/``."""
 
-import difflib
 import os
 from argparse import ArgumentTypeError
 from pathlib import Path
@@ -22,6 +21,7 @@ from typing import Final
 
 import piezo_ros
 from piezo_ros.parameters.errors import PlanError
+from piezo_ros.suggestions import did_you_mean
 
 __all__ = ['PLAN_HELP', 'examples', 'packaged_plans', 'plan_path']
 
@@ -98,9 +98,7 @@ def plan_path(text: str) -> Path:
     except PlanError:
         return path
     if text not in plans:
-        near = difflib.get_close_matches(text, plans, n=1)
         raise ArgumentTypeError(
-            f'{text!r} is no file and no plan of the package'
-            + (f'; did you mean {near[0]}?' if near else '')
-            + f' The package has {", ".join(plans)}')
+            f'{text!r} is no file and no plan of the package, which has {", ".join(plans)}'
+            f'{did_you_mean(text, plans)}')
     return plans[text]
