@@ -15,6 +15,7 @@
 """Real processes on real middleware: started, watched, and ended whatever happens to the test."""
 
 import contextlib
+import importlib.util
 import itertools
 import os
 import signal
@@ -34,6 +35,15 @@ from piezo_ros.runtime.process.running_time import RunningTime
 ROOT = Path(__file__).parents[2]
 PATIENCE_S = 90.0
 _numbers = itertools.count()
+
+
+def has_ni():
+    """Return whether the client of device servers is installed."""
+    try:
+        return importlib.util.find_spec('nidaqmx._stubs') is not None and (
+            importlib.util.find_spec('grpc') is not None)
+    except ModuleNotFoundError:
+        return False
 
 
 def wait_until(condition, what, timeout_s=PATIENCE_S):
@@ -130,6 +140,14 @@ class Rig:
     def start_process(self, executable, *words):
         """Start one node executable with its whole command line."""
         return self._start('piezo_ros.nodes.executables', executable, *words)
+
+    def start_emulator(self, module, *words):
+        """Start an emulator of a device; return its process and the address that it prints."""
+        self.environment['PYTHONPATH'] = str(ROOT / 'test' / 'emulators') + os.pathsep + (
+            self.environment['PYTHONPATH'])
+        process = self._start(module, *map(str, words))
+        process.wait_for('\n')
+        return process, process.output.strip().splitlines()[-1]
 
     def start_file(self, path, *words):
         """Start a Python file, as a foreign node is."""
