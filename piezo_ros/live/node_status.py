@@ -99,6 +99,8 @@ def voltage_at_the_end(plant: Mapping[str, Any], *, killed: bool) -> list[str]:
 
     """
     voltage_v = plant.get('voltage_v')
+    if voltage_v is None and plant.get('voltage_before_v') is not None:
+        return ['the voltage is unknown: the device does not tell what it holds any more']
     if voltage_v is None:
         return ['the voltage is unknown: the plant was killed before it said any'] if killed else []
     if killed or plant['state'] not in _OVER:

@@ -92,3 +92,10 @@ def test_the_voltage_is_unknown_else(plant, killed):
 def test_of_a_plant_that_was_killed_at_once_nothing_is_known():
     (text,) = voltage_at_the_end({}, killed=True)
     assert text.startswith('the voltage is unknown')
+
+
+def test_of_a_device_that_does_not_answer_any_more_nothing_is_known():
+    plant = {**GOOD, 'state': 'faulted', 'voltage_v': None, 'voltage_before_v': 0.0}
+    (text,) = voltage_at_the_end(plant, killed=False)
+    assert text.startswith('the voltage is unknown: the device')
+    assert voltage_at_the_end({**plant, 'voltage_before_v': None}, killed=False) == []

@@ -15,8 +15,8 @@
 """
 The virtual card in a process of its own: python -m daqmx.daqmx_server [--port N] [--rig FILE] ...
 
-It prints the address that it listens on, and with --trace writes every voltage of the output when
-it ends.
+It prints the address that it listens on. With --trace it writes every voltage of the output when it
+ends, with --log at once, as float64, which outlives that it is killed.
 """
 
 import argparse
@@ -33,6 +33,21 @@ from piezo_ros.model.rig import RigParameters
 from piezo_ros.parameters.parameter_file import read_parameter_file
 
 
+class OutputLog(list):
+    """What the output went to, in memory and in a file."""
+
+    def __init__(self, path, outputs_v):
+        super().__init__()
+        self._path = path
+        for values_v in outputs_v:
+            self.append(values_v)
+
+    def append(self, values_v):
+        super().append(values_v)
+        with self._path.open('ab') as file:
+            file.write(values_v.astype(np.float64).tobytes())
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('--port', type=int, default=0)
@@ -43,6 +58,7 @@ def main():
     parser.add_argument(
         '--wall-clock', type=float, metavar='FACTOR', help='samples in real time, times this')
     parser.add_argument('--trace', type=Path, help='.npy of the output, written at the end')
+    parser.add_argument('--log', type=Path, help='file that every voltage is appended to')
     arguments = parser.parse_args()
     values = (
         read_parameter_file(arguments.rig, ['plant']).get('plant', {}) if arguments.rig else {})
@@ -52,6 +68,8 @@ def main():
         RigStage(rig, sensor_offset_v=arguments.sensor_offset, compiled=True), held_v=held_v,
         dac_bits=arguments.bits[0], adc_bits=arguments.bits[1],
         wall_clock_factor=arguments.wall_clock)
+    if arguments.log:
+        card.outputs_v = OutputLog(arguments.log, card.outputs_v)
     ended = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: ended.set())

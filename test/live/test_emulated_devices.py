@@ -1,0 +1,98 @@
+# Copyright 2026 piezo_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Devices of other makers' emulators in the graph of `piezo run`: what comes back, what is lost."""
+
+import signal
+
+import numpy as np
+import pytest
+from processes import has_ni, wait_until
+
+from piezo_ros.bag import open_recording, read
+from piezo_ros.model.rig import RigParameters
+from piezo_ros.model.simulated_rig import Rig
+
+CYCLE_S = 5e-5  # of the servo of the emulated controller
+
+
+def plan(directory, sample_period_s, frequency_hz, **plant):
+    path = directory / 'plan.yaml'
+    words = ', '.join(f'{name}: {value}' for name, value in plant.items())
+    path.write_text(f"""
+format_version: 1
+sample_period_s: {sample_period_s}
+score_periods: 1
+runs:
+  - scheme: ff
+    waveform: sine
+    amplitude_um: 2.0
+    frequency_hz: {frequency_hz}
+    harmonics: 1
+    periods: 30
+    ramp_periods: 1
+    plant: {{demagnetise: false, {words}}}
+""", encoding='utf-8')
+    return path
+
+
+def the_bag(out):
+    (bag,) = (out / 'bags').iterdir()
+    return bag
+
+
+def test_a_run_on_a_controller_is_aligned_and_what_its_recorder_holds(rig):
+    from gcs.virtual_controller import VirtualController, served
+    controller = VirtualController(RigParameters(noise_rms_um=0.0))
+    out = rig.directory / 'out'
+    with served(controller) as (_, address):
+        command = rig.piezo(
+            'run', plan(rig.directory, CYCLE_S, 200.0, device='gcs', address=address), '-o', out,
+            '--yes')
+        assert command.wait() == 0, command.output
+    run = read(the_bag(out))
+    voltage_v, displacement_um = (run.whole(name)[1] for name in ('voltage', 'displacement'))
+    # To all of its six printed decimals, and each in the row of its voltage.
+    first, last = controller.faults.delay_cycles, controller.faults.delay_cycles + voltage_v.size
+    recorded_um = np.array([float(f'{row:.6f}') for row in controller.rows[:, 0].tolist()])
+    np.testing.assert_array_equal(displacement_um[1:], recorded_um[first + 1:last + 1] - 6.0)
+    np.testing.assert_allclose(
+        controller.rows[first:last, 1], 8.0 * (6.0 + 1.2 * voltage_v) - 20.0, rtol=0.0, atol=1e-9)
+    stage = Rig(RigParameters(noise_rms_um=0.0), CYCLE_S, compiled=False)
+    np.testing.assert_allclose(
+        displacement_um, [stage.measure(), *stage.run(voltage_v)], rtol=0.0, atol=6e-7)
+    assert np.ptp(displacement_um) > 3.0
+    metadata = open_recording(the_bag(out)).metadata
+    assert 'E-727.1CD' in metadata['device']
+    assert float(metadata['device_rate_hz']) == pytest.approx(20e3)
+
+
+@pytest.mark.skipif(not has_ni(), reason='nidaqmx[grpc] is not installed')
+def test_a_device_server_that_dies_ends_the_run_by_name_with_an_unknown_voltage(rig):
+    log, out = rig.directory / 'output.f64', rig.directory / 'out'
+    server, address = rig.start_emulator('daqmx.daqmx_server', '--wall-clock', 1, '--log', log)
+    command = rig.piezo(
+        'run', plan(rig.directory, 1e-3, 5.0, device='ni', address=address, read_samples=10),
+        '-o', out, '--yes')
+    wait_until(lambda: log.stat().st_size > 8 * 500, 'the output to move')
+    server.send(signal.SIGKILL)
+    assert command.wait() == 1
+    assert not rig.nodes()
+    assert f'plant failed: Dev1 at {address}' in command.output
+    assert 'the device server does not answer' in command.output
+    assert 'the voltage is unknown' in command.output
+    assert 'Traceback' not in command.output
+    readings_um = read(the_bag(out)).whole('displacement')[1]
+    assert readings_um.size > 100
+    assert np.isfinite(readings_um).all()
