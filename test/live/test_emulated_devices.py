@@ -23,11 +23,12 @@ from processes import has_ni, wait_until
 from piezo_ros.bag import open_recording, read
 from piezo_ros.model.rig import RigParameters
 from piezo_ros.model.simulated_rig import Rig
+from piezo_ros.parameters.parameter_file import parameters_yaml
 
 CYCLE_S = 5e-5  # of the servo of the emulated controller
 
 
-def plan(directory, sample_period_s, frequency_hz, **plant):
+def plan(directory, sample_period_s, frequency_hz, *, periods=30, **plant):
     path = directory / 'plan.yaml'
     words = ', '.join(f'{name}: {value}' for name, value in plant.items())
     path.write_text(f"""
@@ -40,7 +41,7 @@ runs:
     amplitude_um: 2.0
     frequency_hz: {frequency_hz}
     harmonics: 1
-    periods: 30
+    periods: {periods}
     ramp_periods: 1
     plant: {{demagnetise: false, {words}}}
 """, encoding='utf-8')
@@ -96,3 +97,34 @@ def test_a_device_server_that_dies_ends_the_run_by_name_with_an_unknown_voltage(
     readings_um = read(the_bag(out)).whole('displacement')[1]
     assert readings_um.size > 100
     assert np.isfinite(readings_um).all()
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(600)
+@pytest.mark.skipif(not has_ni(), reason='nidaqmx[grpc] is not installed')
+@pytest.mark.parametrize('clock', ['of its calls', 'of the wall'])
+def test_ten_streamed_seconds_at_100_khz_are_the_readings_of_the_rig(rig, clock):
+    # Powers of two and no offset: volts at the connectors are turned without rounding.
+    values = {
+        'operating_point_v': 0.0, 'voltage_minimum_v': -5.0, 'voltage_maximum_v': 5.0,
+        'sensor_scale_um_per_v': 2.0}
+    file, out = rig.directory / 'rig.yaml', rig.directory / 'out'
+    file.write_text(parameters_yaml('/**', {'plant': values}))
+    options = ('--wall-clock', 1) if clock == 'of the wall' else ()
+    _, address = rig.start_emulator('daqmx.daqmx_server', '--rig', file, *options)
+    path = plan(
+        rig.directory, 1e-5, 100.0, periods=1000, device='ni', address=address,
+        prefill_samples=100_000, read_samples=5000, **values)
+    command = rig.piezo('run', path, '-o', out, '--yes')
+    code = command.wait(300.0)
+    run = read(the_bag(out))
+    voltage_v, displacement_um = (run.whole(name)[1] for name in ('voltage', 'displacement'))
+    stage = Rig(RigParameters(**values), 1e-5, compiled=True)
+    expected_um = np.array([stage.measure(), *stage.run(voltage_v)])
+    np.testing.assert_array_equal(displacement_um, expected_um[:displacement_um.size])
+    if options and 'ran out of samples' in command.output:
+        pytest.skip(f'this machine is too busy for its own clock: {command.output}')
+    assert code == 0, command.output
+    assert displacement_um.size == 1_000_001
+    assert not run.lost
+    assert open_recording(the_bag(out)).metadata['device_played'] == 'streamed'
