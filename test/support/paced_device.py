@@ -17,7 +17,8 @@ A device with a clock: the simulated one, played by the wall clock, with a log o
 
 As ``device: paced_device:PacedDevice``; ``address`` is the file that the output is logged to, as
 float64, and ``output_channel`` may be ``held VOLTAGE`` for what it holds at first, or
-``gone AFTER_READS``, or ``stuck READING``.
+``gone AFTER_READS``, or ``stuck READING``, or ``raises AFTER_READS``, an error that is none of a
+device; some of them by commas.
 """
 
 import time
@@ -38,11 +39,13 @@ class PacedDevice:
     def __init__(self, values):
         names = SimulatedDeviceParameters.names()
         own = {name: value for name, value in values.items() if name in names}
-        word, _, number = values['output_channel'].partition(' ')
-        if word == 'held':
-            own['held_v'] = float(number)
-        self._reads_left = int(number) if word == 'gone' else None
-        self._stuck_um = float(number) if word == 'stuck' else None
+        asked = dict(
+            word.split(' ') for word in values['output_channel'].split(',') if ' ' in word)
+        if 'held' in asked:
+            own['held_v'] = float(asked['held'])
+        self._reads_left = int(asked['gone']) if 'gone' in asked else None
+        self._reads_that_go_well = int(asked.get('raises', 1 << 60))
+        self._stuck_um = float(asked['stuck']) if 'stuck' in asked else None
         self._inner = SimulatedDevice(SimulatedDeviceParameters(**own), compiled=False)
         self.constraints = self._inner.constraints
         self._file = values['address']
@@ -142,6 +145,9 @@ class PacedDevice:
         self._alive()
         if self._reads_left is not None:
             self._reads_left -= 1
+        self._reads_that_go_well -= 1
+        if self._reads_that_go_well < 0:
+            raise RuntimeError('made up, in a reading')
         last = self._fetched + samples - 1
         while time.monotonic() < self._began_s + last * self._period_s:
             time.sleep(1e-4)
