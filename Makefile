@@ -12,8 +12,8 @@ BIN := $(VENV)/bin
 PYTEST_ARGS ?=
 # Some of the combinations of .ci/matrix: make test-matrix MATRIX='jazzy-3.12-newest'
 MATRIX ?=
-# Two workers: the tests start whole sets of ROS processes, and time out where these starve.
-PYTEST := $(BIN)/python -m pytest -n 2 --dist loadfile
+# Two workers for each core of the smallest machine: half of a test with processes is waiting.
+PYTEST := $(BIN)/python -m pytest -n 4 --dist loadfile
 # Else Numba counts what it compiles as run, and counts nothing where it finds it in its cache.
 COVERAGE := NUMBA_JIT_COVERAGE=0
 # Before Python 3.12 a test of Python steps takes more than twice the time when it is measured.

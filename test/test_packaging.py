@@ -13,6 +13,7 @@
 # limitations under the License.
 
 import ast
+import functools
 import os
 import re
 import runpy
@@ -87,10 +88,16 @@ def requirement_names(requirements):
     return {re.split(r'[^\w.-]', requirement)[0].lower() for requirement in requirements}
 
 
+@functools.cache
+def parsed(path):
+    return ast.parse(path.read_text(encoding='utf-8'))
+
+
+@functools.cache
 def imported_names(*folders):
     names = set()
     for path in (path for folder in folders for path in (REPOSITORY / folder).rglob('*.py')):
-        for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'))):
+        for node in ast.walk(parsed(path)):
             if isinstance(node, ast.Import):
                 names |= {alias.name.split('.')[0] for alias in node.names}
             elif isinstance(node, ast.ImportFrom) and not node.level:
@@ -151,7 +158,7 @@ def test_an_extra_brings_what_is_imported_only_where_it_is_needed(metadata, name
     distribution = DISTRIBUTIONS.get(name, name)
     assert distribution in requirement_names(metadata['extras_require'][extra])
     for path in (REPOSITORY / 'piezo_ros').rglob('*.py'):
-        for statement in ast.parse(path.read_text(encoding='utf-8')).body:
+        for statement in parsed(path).body:
             if isinstance(statement, ast.Import | ast.ImportFrom):
                 # As a word: rclpy has a module serialization.
                 assert not re.search(rf'\b{name}\b', ast.unparse(statement)), path

@@ -14,6 +14,8 @@
 
 import json
 import os
+import shutil
+from pathlib import Path
 
 import pytest
 
@@ -36,11 +38,18 @@ def report(capsys):
     return run
 
 
+@pytest.fixture(scope='module')
+def simulated(tmp_path_factory):
+    directory = tmp_path_factory.mktemp('simulated')
+    (directory / 'plan.yaml').write_text(
+        'format_version: 1\nruns: [{scheme: [ff, fbff], periods: 5}]\n')
+    assert main(['simulate', str(directory / 'plan.yaml'), '-o', str(directory / 'out')]) == 0
+    return directory / 'out'
+
+
 @pytest.fixture
-def campaign(plan, tmp_path, capsys):
-    assert main(['simulate', str(plan), '-o', str(tmp_path / 'campaign')]) == 0
-    capsys.readouterr()
-    return tmp_path / 'campaign'
+def campaign(simulated, tmp_path):
+    return Path(shutil.copytree(simulated, tmp_path / 'campaign'))
 
 
 @pytest.fixture
