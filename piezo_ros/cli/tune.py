@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING, Any, Final
 from piezo_ros import paper
 from piezo_ros.cli.shared.exit_codes import EXIT_FAILED, EXIT_POOR
 from piezo_ros.cli.shared.outputs import check_output
+from piezo_ros.cli.shared.progress import working
 from piezo_ros.control import TrajectoryParameters
 from piezo_ros.control.shapes.fourier_series import PERIODIC
 from piezo_ros.experiment.model_file import (
@@ -40,6 +41,7 @@ from piezo_ros.parameters.parameter_file import read_parameter_set
 from piezo_ros.report.files import write_atomically
 
 if TYPE_CHECKING:
+    from piezo_ros.identification.prediction.operating_points import OperatingPoint
     from piezo_ros.identification.tuning.linear_plant import Bound, Model
     from piezo_ros.identification.tuning.loop_shape import LoopShape
     from piezo_ros.identification.tuning.pi_tuning import PiTuning
@@ -171,23 +173,27 @@ def _tune(options: argparse.Namespace) -> int:
             'uncertainty_limit': options.uncertainty_limit,
             'measurement_delay_samples': options.measurement_delay_samples,
             'sample_period_s': options.sample_period_s, 'evidence': evidence}
-        tuning = without_lead = tune_pi(model, **limits)
-        if options.lead:
-            tuning = tune_pi_with_lead(model, ratio=options.lead_ratio, **limits)
+        with working('tuning the gains'):
+            tuning = without_lead = tune_pi(model, **limits)
+            if options.lead:
+                tuning = tune_pi_with_lead(model, ratio=options.lead_ratio, **limits)
         published = loop_shape(
             model, paper.TABLE_2['proportional_gain'], paper.TABLE_2['integral_gain_per_s'],
             sample_period_s=options.sample_period_s,
             measurement_delay_samples=options.measurement_delay_samples, bound=bound)
         # Predictions simulate the rig, which has poles before and behind its hysteresis.
-        points = predicted_points(options, tuning, bound) if (
-            isinstance(model, LinearDynamics) and not options.no_operating_points) else ()
+        points: tuple[OperatingPoint, ...] = ()
+        if isinstance(model, LinearDynamics) and not options.no_operating_points:
+            with working('predicting the operating points'):
+                points = predicted_points(options, tuning, bound)
         write_atomically(options.output, tuning.to_parameter_yaml(
             source=str(options.model), table=feedback_table(points) if points else None))
         report = None
         if options.report:
             from piezo_ros.cli.shared.tuning_report import write_tuning_report
-            report = write_tuning_report(
-                options, model, tuning, published, evidence, bound, points)
+            with working('drawing the report'):
+                report = write_tuning_report(
+                    options, model, tuning, published, evidence, bound, points)
     except PlanError:
         raise
     except (ValueError, OSError) as error:

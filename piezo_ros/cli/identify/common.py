@@ -32,6 +32,7 @@ from piezo_ros.cli.shared.exit_codes import (
     EXIT_POOR,
 )
 from piezo_ros.cli.shared.outputs import check_output
+from piezo_ros.cli.shared.progress import working
 from piezo_ros.experiment.output_directory import prepare_directory
 from piezo_ros.identification.verdict import Verdict
 from piezo_ros.parameters.errors import PlanError, failure_text
@@ -146,14 +147,19 @@ def identify(
     if directory is not None:
         prepare_directory(directory, force=options.force)
     try:
-        runs = [
-            _with_losses(read(*_opened(path, options, hysteresis)), options.allow_loss)
-            for path in options.bags]
+        runs = []
+        for path in options.bags:
+            with working(f'reading {path}'):
+                runs.append(_with_losses(
+                    read(*_opened(path, options, hysteresis)), options.allow_loss))
         _refuse_different_periods(runs)
         files, verdict, write_report = make(options, runs)
         for path, text in files.items():
             write_atomically(path, text)
-        report = write_report(directory) if directory is not None and write_report else None
+        report = None
+        if directory is not None and write_report:
+            with working('drawing the report'):
+                report = write_report(directory)
     except PlanError:
         raise
     except (BagError, ValueError, OSError) as error:

@@ -28,6 +28,7 @@ from piezo_ros.cli.identify.common import (
     with_picture,
 )
 from piezo_ros.cli.identify.hysteresis import ReducedRun, reduced_run
+from piezo_ros.cli.shared.progress import working
 from piezo_ros.identification.creep.creep_fit import CreepFit, fit_creep
 from piezo_ros.model import HysteresisParameters
 from piezo_ros.parameters.errors import PlanError
@@ -98,9 +99,10 @@ def _make(options: argparse.Namespace, runs: list[ReducedRun]) -> Identified:
 def _fit(
     options: argparse.Namespace, run: ReducedRun, hysteresis: HysteresisParameters | None,
 ) -> CreepFit:
-    return fit_creep(
-        run.record, run.sample_period_s, hysteresis=hysteresis, settle_s=options.settle_s,
-        is_settled=options.settled)
+    with working('fitting the creep'):
+        return fit_creep(
+            run.record, run.sample_period_s, hysteresis=hysteresis, settle_s=options.settle_s,
+            is_settled=options.settled)
 
 
 def _print(fit: CreepFit) -> None:

@@ -39,6 +39,7 @@ from piezo_ros.cli.identify.responses import (
     response_source,
     responses,
 )
+from piezo_ros.cli.shared.progress import working
 from piezo_ros.experiment.model_file import read_accuracy
 from piezo_ros.identification.dynamics.dynamics_fit import STRUCTURES, DynamicsFit
 from piezo_ros.parameters.errors import PlanError
@@ -88,10 +89,13 @@ def _make(options: argparse.Namespace, runs: list[Run]) -> Identified:
     from piezo_ros.identification.place.placed_verdict import with_place
     from piezo_ros.identification.response.response_csv import response_csv
     response = merge(responses(options, runs))
-    fit = fit_dynamics(
-        response, maximum_frequency_hz=options.maximum_frequency_hz,
-        delay_samples=options.delay_samples, **_structure(options))
-    placed = placed_fit(options, fit, response, runs)
+    structure = _structure(options)
+    with working('fitting the dynamics'):
+        fit = fit_dynamics(
+            response, maximum_frequency_hz=options.maximum_frequency_hz,
+            delay_samples=options.delay_samples, **structure)
+    with working('finding which poles are before the hysteresis'):
+        placed = placed_fit(options, fit, response, runs)
     fit, response, place = placed.fit, placed.response, placed.place
     _print(fit)
     for words in placed.words:

@@ -32,6 +32,7 @@ from piezo_ros.cli.identify.common import (
     source,
     with_picture,
 )
+from piezo_ros.cli.shared.progress import working
 from piezo_ros.identification.hysteresis.hysteresis_result import HysteresisFit
 from piezo_ros.identification.hysteresis.records import Record, record_of_blocks
 from piezo_ros.parameters.errors import PlanError
@@ -175,9 +176,10 @@ def _make(options: argparse.Namespace, runs: list[ReducedRun]) -> Identified:
                 file=sys.stderr)
         if run.record.lost:
             print(f'left out of {run.path.name}: {run.record.lost} samples that are no numbers')
-    fit = fit_hysteresis_records(
-        records, elements=elements,
-        range_v=tuple(options.range_v) if options.range_v else None)
+    with working('fitting the hysteresis'):
+        fit = fit_hysteresis_records(
+            records, elements=elements,
+            range_v=tuple(options.range_v) if options.range_v else None)
     _print(fit)
     compared = _compared(records, fit.elements) if options.compare else []
     files = {options.output: fit.to_parameter_yaml(
@@ -215,7 +217,8 @@ def _print(fit: HysteresisFit) -> None:
 def _compared(records: list[Record], elements: int) -> list['ModelScore']:
     """Fit other models, print how they do and return them."""
     from piezo_ros.identification.hysteresis.model_comparison import compare_records
-    rows = compare_records(records, elements=elements)
+    with working('fitting the other models'):
+        rows = compare_records(records, elements=elements)
     print(f'{"model":28}{"parameters":>11}{"rms nm":>10}{"cross-validated nm":>20}')
     for row in rows:
         print(

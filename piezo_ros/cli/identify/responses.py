@@ -20,6 +20,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from piezo_ros.bag import Run
+from piezo_ros.cli.shared.progress import working
 from piezo_ros.control import TrajectoryParameters
 from piezo_ros.experiment.recorded_response import recorded_response
 from piezo_ros.identification.response.detected_excitation import EXCITATION_KINDS
@@ -129,7 +130,9 @@ def _recorded(
     for run, path in zip(runs, played * (len(runs) // len(played)), strict=True):
         trajectory = None if path is None else read_parameter_set(
             path, 'trajectory', TrajectoryParameters, {'sample_period_s': run.sample_period_s})
-        yield run, recorded_response(
-            run, slew_limit_v_per_s=options.slew_limit_v_per_s, trajectory=trajectory,
-            hysteresis=hysteresis, excitation=options.excitation,
-            estimator=options.estimator)
+        with working(f'frequency response of {run.path.name}'):
+            response = recorded_response(
+                run, slew_limit_v_per_s=options.slew_limit_v_per_s, trajectory=trajectory,
+                hysteresis=hysteresis, excitation=options.excitation,
+                estimator=options.estimator)
+        yield run, response

@@ -29,6 +29,7 @@ from piezo_ros.cli.identify.common import (
     with_picture,
 )
 from piezo_ros.cli.identify.responses import add_response_arguments, responses
+from piezo_ros.cli.shared.progress import working
 from piezo_ros.experiment.model_file import BOUND_KIND, FORMAT_VERSION
 from piezo_ros.model import DynamicsParameters, LinearDynamics
 from piezo_ros.parameters.parameter_file import read_parameter_set
@@ -54,10 +55,11 @@ def _make(options: argparse.Namespace, runs: list[Run]) -> Identified:
     from piezo_ros.identification import uncertainty_bound
     model = LinearDynamics(read_parameter_set(options.model, 'trajectory', DynamicsParameters))
     period_s = runs[0].sample_period_s
-    bound = uncertainty_bound(
-        responses(options, runs),
-        lambda frequency_hz: model.sampled_response(frequency_hz, period_s),
-        order=options.order)
+    measured = responses(options, runs)
+    with working('bounding the uncertainty'):
+        bound = uncertainty_bound(
+            measured, lambda frequency_hz: model.sampled_response(frequency_hz, period_s),
+            order=options.order)
     print(
         f'|W| is above every one of {bound.frequency_hz.size} points, on average '
         f'{bound.mean_excess_db:.2f} dB above their maximum at each frequency')

@@ -14,12 +14,19 @@
 
 """Progress of long work: a bar on a terminal, plain lines elsewhere."""
 
+import contextlib
 import sys
-from typing import Protocol
+import threading
+import time
+from collections.abc import Iterator
+from typing import Final, Protocol
 
-__all__ = ['Progress', 'ShownProgress']
+__all__ = ['Progress', 'ShownProgress', 'working']
 
 _WIDTH = 30
+_PATIENCE_S: Final = 2.0  # what takes no longer needs no word
+_REFRESH_S: Final = 1.0
+_LINE: Final = threading.Lock()  # of what is done within something else nothing is shown
 
 
 class Progress:
@@ -86,3 +93,45 @@ class ShownProgress(Progress):
         """Show how much of it is done, 0 … 1."""
         super().show(share)
         self._view.show(share)
+
+
+@contextlib.contextmanager
+def working(text: str) -> Iterator[None]:
+    """
+    Show on a terminal what is being done and for how long, where nothing tells how far it is.
+
+    The line appears after some seconds, and nowhere but on a terminal. What is done meanwhile must
+    not print anything.
+
+    Parameters
+    ----------
+    text : str
+        What is being done.
+
+    """
+    if not (sys.stderr.isatty() and _LINE.acquire(blocking=False)):
+        yield
+        return
+    terminal, start_s, over = sys.stderr, time.monotonic(), threading.Event()
+    is_shown = False
+
+    def show() -> None:
+        nonlocal is_shown
+        wait_s = _PATIENCE_S
+        with contextlib.suppress(OSError, ValueError):  # the terminal may be gone
+            while not over.wait(wait_s):
+                is_shown, wait_s = True, _REFRESH_S
+                print(
+                    f'\r{text}  {time.monotonic() - start_s:.0f} s', end='', file=terminal,
+                    flush=True)
+
+    thread = threading.Thread(target=show, name='progress', daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        over.set()
+        thread.join()
+        _LINE.release()
+        if is_shown:
+            print(file=terminal)
