@@ -25,6 +25,7 @@ from typing import Any, Final
 
 import yaml
 
+from piezo_ros.experiment.plan.motion_files import MOTION_KEY, motion_file
 from piezo_ros.parameters.errors import PlanError
 from piezo_ros.report.files import write_atomically
 
@@ -36,7 +37,7 @@ _PLAN_COPY: Final = 'plan.yaml'
 _FILES_BELOW: Final = 'plan_files'
 # Keys of a plan of which the values are files, named from the folder of the plan.
 _FILE_KEYS: Final = (
-    'parameter_files', 'known_rig_files', 'model_rig_files', 'uncertainty_bound_file')
+    'parameter_files', 'known_rig_files', 'model_rig_files', 'uncertainty_bound_file', MOTION_KEY)
 
 
 def prepare_directory(directory: Path, *, force: bool) -> None:
@@ -118,8 +119,9 @@ def copy_plan(source: Path, copy: Path, files_below: str) -> str:
     root = yaml.compose(text, Loader=yaml.SafeLoader)
     taken: dict[str, Path] = {copy.name: source} if not files_below else {}
     replaced: list[tuple[int, int, str]] = []
-    for node in _file_nodes(root):
-        file = source.parent / str(node.value)
+    for key, node in _file_nodes(root):
+        name = str(node.value)
+        file = motion_file(source.parent, name) if key == MOTION_KEY else source.parent / name
         if not file.is_file():
             continue
         name = _free_name(file, taken)
@@ -136,13 +138,13 @@ def copy_plan(source: Path, copy: Path, files_below: str) -> str:
     return text
 
 
-def _file_nodes(node: Any) -> Iterator[Any]:
-    """Yield the scalars of a plan that are files."""
+def _file_nodes(node: Any) -> Iterator[tuple[str, Any]]:
+    """Yield the scalars of a plan that are files, each with its key."""
     if isinstance(node, yaml.MappingNode):
         for key, value in node.value:
             if key.value in _FILE_KEYS:
                 each = value.value if isinstance(value, yaml.SequenceNode) else [value]
-                yield from (item for item in each if isinstance(item, yaml.ScalarNode))
+                yield from ((key.value, item) for item in each if isinstance(item, yaml.ScalarNode))
             else:
                 yield from _file_nodes(value)
     elif isinstance(node, yaml.SequenceNode):

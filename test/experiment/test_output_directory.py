@@ -12,8 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
+import numpy as np
 import pytest
 
+from piezo_ros.bag import STREAMS, read
 from piezo_ros.experiment.campaign import run_campaign
 from piezo_ros.experiment.offline import simulate_run
 from piezo_ros.experiment.output_directory import keep_plan, prepare_directory
@@ -84,6 +86,41 @@ def test_an_output_is_done_again_from_its_own_plan_with_the_same_bytes(write_pla
         tmp_path / 'moved' / 'plan.yaml').read_bytes()
     assert read_plan(tmp_path / 'again' / 'plan.yaml').title == read_plan(
         tmp_path / 'moved' / 'plan.yaml').title
+
+
+def test_an_output_with_motions_out_of_files_is_done_again_from_itself(
+        write_plan, tmp_path, monkeypatch):
+    here = tmp_path / 'here'
+    here.mkdir()
+    monkeypatch.chdir(here)
+    wave_um = np.sin(np.linspace(0.0, 2.0 * np.pi, 1000, endpoint=False))
+    folders = {tmp_path / 'beside': 0.5, tmp_path: 0.4, here: 0.3}
+    (tmp_path / 'beside').mkdir()
+    for name, (folder, amplitude_um) in zip(
+            ('wave.csv', 'wave.csv', 'of_here.csv'), folders.items(), strict=True):
+        (folder / name).write_text('# repeat_from: 0\nreference_um\n' + '\n'.join(
+            map(repr, (amplitude_um * wave_um).tolist())))
+    played = {
+        'scheme': 'fb', 'waveform': 'file', 'frequency_hz': 100.0, 'periods': 5, 'ramp_periods': 1,
+        'harmonics': 0}
+    plan = write_plan(runs=[
+        {**played, 'file': ['beside/wave.csv', 'of_here.csv']},
+        {**played, 'file': 'beside/wave.csv',
+         'changes': [{'at_sample': 2000, 'file': 'wave.csv'}]}])
+    run_campaign(read_plan(plan), tmp_path / 'out', simulate_run)
+    (tmp_path / 'out').rename(tmp_path / 'moved')
+    for folder in folders:
+        for file in folder.glob('*.csv'):
+            file.unlink()
+    run_campaign(read_plan(tmp_path / 'moved' / 'plan.yaml'), tmp_path / 'again', simulate_run)
+    for part in 'plan.yaml', *(f'plan_files/{name}.csv' for name in ('wave', 'wave_2', 'of_here')):
+        assert (tmp_path / 'again' / part).read_bytes() == (tmp_path / 'moved' / part).read_bytes()
+    bags = sorted((tmp_path / 'moved' / 'bags').iterdir())
+    assert len(bags) == 3
+    for bag in bags:
+        first, again = read(bag), read(tmp_path / 'again' / 'bags' / bag.name)
+        for stream in STREAMS:  # the bags themselves say where their files were
+            assert first.whole(stream)[1].tobytes() == again.whole(stream)[1].tobytes()
 
 
 def test_the_copy_of_a_plan_keeps_its_comments_and_gets_its_title(tmp_path):

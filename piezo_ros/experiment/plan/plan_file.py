@@ -26,6 +26,7 @@ from piezo_ros.experiment.plan.automatic import KNOWN_NODES, Known
 from piezo_ros.experiment.plan.entry_keys import refuse_unknown
 from piezo_ros.experiment.plan.hardware_entry import ignored_of_rig, is_of_hardware
 from piezo_ros.experiment.plan.model_rig import MODEL_RIG_KEY, model_rig, model_rig_notes
+from piezo_ros.experiment.plan.motion_files import with_motion_files
 from piezo_ros.experiment.plan.raster_scan import RasterScan, read_scans
 from piezo_ros.experiment.plan.run_entry import RUN_KEYS, SHORT_KEYS, checked_parameters, plan_run
 from piezo_ros.parameters.errors import PlanError
@@ -170,7 +171,8 @@ def read_plan(path: Path) -> Plan:
         with naming_line(where, path, entry):
             refuse_unknown(where, entry, RUN_KEYS)
         _check_count(where, entry, len(runs))
-        for combination in _combinations(where, entry):
+        for alternative in _combinations(where, entry):
+            combination = with_motion_files(path.parent, alternative)
             combinations.append(combination)
             with naming_line(where, path, entry):
                 runs.append(plan_run(

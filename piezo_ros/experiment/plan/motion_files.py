@@ -1,0 +1,66 @@
+# Copyright 2026 piezo_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Where the motion files are that the runs of a plan name."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Final
+
+__all__ = ['MOTION_KEY', 'motion_file', 'with_motion_files']
+
+MOTION_KEY: Final = 'file'
+
+
+def motion_file(folder: Path, name: str) -> Path:
+    """
+    Return the path of a motion file: from the folder of the plan, else from the working directory.
+
+    Parameters
+    ----------
+    folder : Path
+        The folder of the plan.
+    name : str
+        What the plan says.
+
+    """
+    beside = folder / name
+    return beside if beside.is_file() else Path(name)
+
+
+def with_motion_files(folder: Path, entry: Mapping[str, Any]) -> dict[str, Any]:
+    """
+    Return the entry of a run with the paths of its motion files in place of their names.
+
+    Parameters
+    ----------
+    folder : Path
+        The folder of the plan.
+    entry : mapping of str to value
+        The entry: a file of its own, of its trajectory, of its changes.
+
+    """
+    found = {}
+    for key, value in entry.items():
+        if key == MOTION_KEY and isinstance(value, str) and value:
+            found[key] = str(motion_file(folder, value))
+        elif isinstance(value, Mapping):
+            found[key] = with_motion_files(folder, value)
+        elif isinstance(value, list):
+            found[key] = [
+                with_motion_files(folder, each) if isinstance(each, Mapping) else each
+                for each in value]
+        else:
+            found[key] = value
+    return found
