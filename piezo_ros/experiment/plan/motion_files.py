@@ -51,7 +51,7 @@ def with_motion_files(folder: Path, entry: Mapping[str, Any]) -> dict[str, Any]:
         The entry: a file of its own, of its trajectory, of its changes.
 
     """
-    found = {}
+    found: dict[str, Any] = {}
     for key, value in entry.items():
         if key == MOTION_KEY and isinstance(value, str) and value:
             found[key] = str(motion_file(folder, value))
