@@ -21,12 +21,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
+from piezo_ros.control.tables.motion_files import with_motion_files
 from piezo_ros.experiment.model_file import read_accuracy, read_bound
 from piezo_ros.experiment.plan.automatic import KNOWN_NODES, Known
 from piezo_ros.experiment.plan.entry_keys import refuse_unknown
 from piezo_ros.experiment.plan.hardware_entry import ignored_of_rig, is_of_hardware
 from piezo_ros.experiment.plan.model_rig import MODEL_RIG_KEY, model_rig, model_rig_notes
-from piezo_ros.experiment.plan.motion_files import with_motion_files
 from piezo_ros.experiment.plan.raster_scan import RasterScan, read_scans
 from piezo_ros.experiment.plan.run_entry import RUN_KEYS, SHORT_KEYS, checked_parameters, plan_run
 from piezo_ros.parameters.errors import PlanError
