@@ -55,6 +55,12 @@ def wait_until(condition, what, timeout_s=PATIENCE_S):
     return value
 
 
+def _heed_signals():
+    # Tests inherit that SIGINT is ignored in the background, and SIGHUP below nohup.
+    for number in (signal.SIGINT, signal.SIGHUP):
+        signal.signal(number, signal.SIG_DFL)
+
+
 class Process:
     """A process in a group of its own, its output in a file."""
 
@@ -64,8 +70,7 @@ class Process:
             self._popen = subprocess.Popen(
                 [sys.executable, *arguments], stdin=subprocess.DEVNULL, stdout=file,
                 stderr=subprocess.STDOUT, start_new_session=True, env=environment,
-                # Tests started in the background inherit that SIGINT is ignored.
-                preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL))
+                preexec_fn=_heed_signals)
         self.pid = self._popen.pid
 
     @property
