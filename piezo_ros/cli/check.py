@@ -32,6 +32,7 @@ _EXAMPLES: Final = """\
 examples:
   piezo check plant                              the plant that runs, alone, in this domain
   piezo check plant --start my_driver --port 3   start my_driver afresh for every fault
+  piezo check plant --ahead                      one that plays whole runs, as hardware_plant does
   piezo check controller --namespace rig_a --sample-period-s 1e-4
   piezo check config/experiments/demo.yaml       travel, rails, slew, average current of a plan
   piezo check device --parameters stage.yaml     a device against its protocol
@@ -72,6 +73,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--watchdog-s', type=float, default=5.0, metavar='T',
         help='how long the plant may go on without voltage (default: 5)')
     parser.add_argument(
+        '--ahead', action='store_true',
+        help='send the whole run first, to a plant that plays it by the clock of a device')
+    parser.add_argument(
         '--start', nargs=argparse.REMAINDER, metavar='COMMAND', default=[],
         help='start the node by this command, afresh for every fault; all words behind it are its '
         'own')
@@ -98,12 +102,15 @@ def _check_node(options: argparse.Namespace) -> int:
     except ImportError as error:
         print(f'piezo check {options.what} needs ROS 2 ({error})', file=sys.stderr)
         return 1
+    if options.ahead and options.what != 'plant':
+        print(f'piezo: --ahead is for plant, not for {options.what}', file=sys.stderr)
+        return 2
     period_s = options.sample_period_s
     if period_s is None and options.what != 'plant':
         period_s = 1e-5
     settings = CheckSettings(
         options.amplitude, period_s, options.discovery_s, options.patience_s, options.watchdog_s,
-        0.0 if options.start else _LOOK_AROUND_S)
+        0.0 if options.start else _LOOK_AROUND_S, options.ahead)
     if options.start:
         try:
             findings = check_command(

@@ -102,8 +102,17 @@ class DrivenNode:
         return self.sent + self.contract.opening
 
     def await_answers(self) -> str:
-        """Return '' once exactly what is due has arrived, else what is wrong."""
+        """
+        Return '' once exactly what is due has arrived, else what is wrong.
+
+        Nothing is due before the end of a run that is sent ahead, but it must go on.
+        """
         log = self.probe.log
+        if self.settings.ahead:
+            self.settle(0.0)
+            if log.ended_at is None:
+                return self.alive()
+            return f'the run ended at sample {log.ended_at}{self._reason()}'
         self.probe.wait(
             lambda: len(log.samples) >= self.due or log.ended_at is not None
             or bool(self.alive()), self.settings.patience_s)
@@ -120,6 +129,8 @@ class DrivenNode:
             hint = ''
             if self.contract.opening == 0 and got == 0:
                 hint = f'; does the node expect another sample period than {self.period_s!r} s?'
+            elif any(status.get('device') for status in self.probe.statuses):
+                hint = '; a plant that plays whole runs by the clock of a device needs --ahead'
             return (
                 f'{after}, {got} samples of {self.output} have arrived within '
                 f'{self.settings.patience_s:g} s, {self.due} are due{hint}')

@@ -52,6 +52,7 @@ class CheckSettings(NamedTuple):
     patience_s: float  # how long it may take for an answer
     watchdog_s: float  # how long a plant may go on without voltage
     look_around_s: float = 0.0  # how long to look for others before taking a place among them
+    ahead: bool = False  # send the whole run first: the plant answers once it has its end
 
 
 class Finding(NamedTuple):

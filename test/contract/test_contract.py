@@ -180,6 +180,39 @@ def test_the_command_checks_a_node_that_runs(rig):
     assert '27 checks, 0 wrong' in command.output
 
 
+def test_the_command_checks_a_plant_that_plays_whole_runs(rig):
+    rig.node('hardware_plant', handshake_timeout_s=60.0, demagnetise='false')
+    words = ('check', 'plant', '--namespace', rig.namespace, '--discovery-s', '60', '--ahead')
+    command = rig.piezo(*words)
+    assert command.wait() == 0, command.output
+    assert 'ok       u[k] answered by y[k+1], once the whole run is there' in command.output
+    assert 'ok       voltage at zero at the end' in command.output
+    assert '26 checks, 0 wrong' in command.output
+
+
+@pytest.mark.slow
+def test_a_plant_that_plays_whole_runs_is_told_what_to_give(rig):
+    rig.node('hardware_plant', handshake_timeout_s=60.0, demagnetise='false')
+    command = rig.piezo(
+        'check', 'plant', '--namespace', rig.namespace, '--discovery-s', '60', '--patience-s', '2')
+    assert command.wait() == 1
+    assert 'by the clock of a device needs --ahead' in command.output
+
+
+@pytest.mark.slow
+def test_our_own_hardware_plant_is_right_in_everything():
+    settings = SETTINGS._replace(sample_period_s=1e-5, ahead=True)
+    findings = check_command('plant', [*OWN['plant'][:-1], 'hardware_plant'], settings)
+    assert all(finding.right for finding in findings), findings
+    assert {*FAULTS, 'SIGINT ends the process'} <= {finding.what for finding in findings}
+
+
+def test_only_a_plant_is_sent_whole_runs(rig):
+    command = rig.piezo('check', 'controller', '--ahead')
+    assert command.wait() == 2
+    assert '--ahead is for plant' in command.output
+
+
 def test_that_no_node_is_there_is_told_and_fails(rig):
     command = rig.piezo('check', 'compensator', '--discovery-s', '0.5')
     assert command.wait() == 1
