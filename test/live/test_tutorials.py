@@ -12,10 +12,15 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The tutorials of docs/, run as they stand: every block of commands, in one shell each."""
+"""
+The tutorials of docs/, run as they stand: every block of commands, in one shell each.
+
+So is docs/hardware.md, on a virtual card.
+"""
 
 import contextlib
 import os
+import pty
 import re
 import shutil
 import signal
@@ -24,10 +29,13 @@ import sys
 from pathlib import Path
 
 import pytest
+from processes import has_ni
+
+from piezo_ros.parameters.parameter_file import parameters_yaml, read_parameter_file
 
 ROOT = Path(__file__).parents[2]
 TUTORIALS = sorted((ROOT / 'docs' / 'tutorials').glob('*.md'))
-PATIENCE_S = 240.0
+PATIENCE_S = 900.0
 # What blocks need beside the plain ones: `launch`, all of ros2, colcon, access to rosdep's lists.
 KINDS = ('launch', 'stock', 'workspace', 'rosdep')
 _BLOCK = re.compile(r'^```sh ?(\w*)\n(.*?)^```$', re.MULTILINE | re.DOTALL)
@@ -79,16 +87,20 @@ def shell(tmp_path):
     folder = tmp_path / 'home'
     folder.mkdir()
 
-    def run(commands, *, own_ros2=False, ros2=None, options='-euo', **environment):
+    def run(
+        commands, *, own_ros2=False, ros2=None, options='-euo', answers='', **environment,
+    ):
         if own_ros2:
             (programs / 'ros2').unlink()
         if ros2 is not None:
             (programs / 'ros2').write_text(ros2)
         said = tmp_path / 'said.txt'
+        ours, theirs = pty.openpty()  # questions are asked on a terminal only
+        os.write(ours, answers.encode())
         with said.open('w') as file:
             process = subprocess.Popen(
                 ['bash', options, 'pipefail', '-c', commands], cwd=folder, stdout=file,
-                stderr=subprocess.STDOUT, start_new_session=True,
+                stdin=theirs, stderr=subprocess.STDOUT, start_new_session=True,
                 env={
                     **os.environ, 'PATH': f'{programs}:{Path(sys.executable).parent}:'
                     f'{os.environ["PATH"]}',
@@ -101,6 +113,8 @@ def shell(tmp_path):
             # What it has put into the background goes too.
             with contextlib.suppress(ProcessLookupError):
                 os.killpg(process.pid, signal.SIGKILL)
+            os.close(ours)
+            os.close(theirs)
         output = said.read_text()
         assert process.returncode == 0, output
         return output, folder
@@ -137,6 +151,82 @@ def test_nodes_of_ones_own(shell, name):
     assert (folder / 'my_report' / 'report.html').is_file()
     if name == 'your-own-rig':
         assert '3 runs, 0 beyond what the rig can do' in output
+
+
+@pytest.mark.slow
+def test_a_device_of_ones_own(shell):
+    (path,) = (path for path in TUTORIALS if path.stem == 'your-own-device')
+    output, folder = shell('\n'.join(blocks(path)))
+    assert re.search(r'^\d+ checks, 0 wrong$', output, re.MULTILINE)
+    assert '1 runs, 0 beyond what the rig can do' in output
+    assert (folder / 'my_output.f64').stat().st_size > 8 * 3000
+    assert re.search(r'device +.*file', output, re.IGNORECASE), output
+
+
+def hardware_page():
+    """Return what docs/hardware.md shows: stage.yaml, the checks before, the flow."""
+    page = (ROOT / 'docs' / 'hardware.md').read_text(encoding='utf-8')
+    (stage,) = re.findall(r'^```\n(/\*\*/plant:.*?)^```$', page, re.MULTILINE | re.DOTALL)
+    before, flow = (
+        page.partition(f'## {title}')[2].partition('\n## ')[0]
+        for title in ('Before the first drive', 'From the first command to the scan'))
+    checks = [
+        command for command in re.findall(r'`(piezo [^`]+)`', before) if '…' not in command]
+    lines = re.findall(r'^    (.*)$', flow, re.MULTILINE)
+    return stage, checks, lines
+
+
+@pytest.fixture
+def stage_on_a_card(rig, shell, tmp_path):
+    """Write the files that docs/hardware.md takes as given; returns how to choose the card."""
+    if not has_ni():
+        pytest.skip('nidaqmx[grpc] is not installed')
+    example = ROOT / 'config' / 'examples' / 'slow_stage'
+    values = read_parameter_file(example / 'rig.yaml', ['plant'])['plant']
+    # The dynamics of the example, with the travel of the page.
+    smaller = 0.12
+    values.update(
+        travel_um=12.0, operating_point_um=6.0, voltage_minimum_v=-2.0, slew_limit_v_per_s=18000.0,
+        sensor_scale_um_per_v=1.2, noise_rms_um=smaller * values['noise_rms_um'],
+        kappa_um_per_v=[smaller * each for each in values['kappa_um_per_v']],
+        dac_bits=0, adc_bits=0)
+    folder = tmp_path / 'home'
+    (folder / 'rig.yaml').write_text(parameters_yaml('/**', {'plant': values}))
+    for name in ('identify', 'scan'):
+        text = (example / f'{name}.yaml').read_text()
+        (folder / f'{name}.yaml').write_text(text.replace('rig.yaml', 'stage.yaml').replace(
+            '[fb, ff, fbff]', 'ff').replace('amplitude_um: 20.0', 'amplitude_um: 2.4').replace(
+            '-50.0', '-6.0').replace('50.0}', '6.0}'))
+
+    def use(stage, *options):
+        _, address = rig.start_emulator(
+            'daqmx.daqmx_server', '--rig', folder / 'rig.yaml', '--bits', 16, 18, *options)
+        (folder / 'stage.yaml').write_text(
+            stage.replace('    device: ni\n', f'    device: ni\n    address: {address}\n'))
+
+    return use
+
+
+@pytest.mark.slow
+def test_the_commands_before_a_first_drive(shell, stage_on_a_card):
+    stage, checks, _ = hardware_page()
+    assert len(checks) >= 5
+    stage_on_a_card(stage, '--wire')
+    output, _ = shell('\n'.join(checks), answers=20 * 'y\n')
+    assert re.search(r'^delay +1 samples$', output, re.MULTILINE)
+    assert re.search(r'^\d+ checks, 0 wrong', output, re.MULTILINE)
+    assert '2 runs, 0 beyond what the rig can do' in output
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1000)
+def test_the_commands_from_the_first_drive_to_the_scan(shell, stage_on_a_card):
+    stage, _, lines = hardware_page()
+    assert len(lines) >= 7
+    stage_on_a_card(stage)
+    output, folder = shell('\n'.join(lines), answers=20 * 'y\n')
+    assert output.count('Continue? [y/N]') == 2
+    assert (folder / 'scan' / 'report.json').is_file()
 
 
 @pytest.mark.slow  # test_packaging.py builds and tests a workspace every time.

@@ -27,7 +27,7 @@ from pathlib import Path
 
 import numpy as np
 from daqmx.daqmx_service import served
-from daqmx.virtual_card import RigStage, VirtualCard
+from daqmx.virtual_card import RigStage, VirtualCard, WireStage
 
 from piezo_ros.model.rig import RigParameters
 from piezo_ros.parameters.parameter_file import read_parameter_file
@@ -52,6 +52,8 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('--port', type=int, default=0)
     parser.add_argument('--rig', type=Path, help='ROS parameter file of the plant')
+    parser.add_argument(
+        '--wire', action='store_true', help='output wired to input in place of the stage')
     parser.add_argument('--held', type=float, help='volts at the output before the first start')
     parser.add_argument('--sensor-offset', type=float, default=0.0)
     parser.add_argument('--bits', type=int, nargs=2, default=(0, 0), metavar=('DAC', 'ADC'))
@@ -64,8 +66,10 @@ def main():
         read_parameter_file(arguments.rig, ['plant']).get('plant', {}) if arguments.rig else {})
     rig = RigParameters.among(values)
     held_v = rig.operating_point_v if arguments.held is None else arguments.held
+    stage = WireStage(held_v) if arguments.wire else RigStage(
+        rig, sensor_offset_v=arguments.sensor_offset, compiled=True)
     card = VirtualCard(
-        RigStage(rig, sensor_offset_v=arguments.sensor_offset, compiled=True), held_v=held_v,
+        stage, held_v=held_v,
         dac_bits=arguments.bits[0], adc_bits=arguments.bits[1],
         wall_clock_factor=arguments.wall_clock)
     if arguments.log:
