@@ -60,7 +60,6 @@ class RasterRigs:
         self._shares: dict[str, float] = {}
         self._progress = progress
         supervisors = {axis: supervisor.below(axis) for axis in axes}
-        self._namespaces = {axis: each.namespace for axis, each in supervisors.items()}
         self._graphs = {
             axis: GraphPerRun(
                 each, directory, composed=composed, progress=self._progress_of(axis))
@@ -106,7 +105,7 @@ class RasterRigs:
         runs: dict[str, LiveRun] = {}
         try:
             for axis, run in planned.items():
-                others = [self._namespaces[other] for other in planned if other != axis]
+                others = [other for other in planned if other != axis]
                 runs[axis] = self._graphs[axis].start(_in_step(run, others), bags[axis])
             while not self._decided(runs):
                 for axis, live in runs.items():
@@ -153,7 +152,9 @@ class RasterRigs:
         return tell
 
 
-def _in_step(planned: PlannedRun, namespaces: Sequence[str]) -> PlannedRun:
-    """Return a run that keeps step with the rigs in some namespaces."""
-    trajectory = {**planned.parameters['trajectory'], 'lockstep_with': ','.join(namespaces)}
+def _in_step(planned: PlannedRun, axes: Sequence[str]) -> PlannedRun:
+    """Return a run that keeps step with other axes; bags tell of them without our namespace."""
+    trajectory = {
+        **planned.parameters['trajectory'],
+        'lockstep_with': ','.join(f'../{axis}' for axis in axes)}
     return replace(planned, parameters={**planned.parameters, 'trajectory': trajectory})

@@ -64,7 +64,8 @@ class Trajectory(LoopNode):
 
     def create_endpoints(self) -> None:
         """Create the subscriptions of the demand, and of that of rigs in step."""
-        self._demand = JointDemand(self, read(self, BlockParameters).rigs_in_step)
+        self._demand = JointDemand(
+            self, read(self, BlockParameters).namespaces_in_step(self.get_namespace()))
 
     def missing_peers(self) -> str:
         """Return why no samples can be demanded, '' where they can."""

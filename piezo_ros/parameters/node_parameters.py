@@ -167,19 +167,27 @@ class BlockParameters(ParameterSet):
         500, 'samples', 'largest block', minimum=1, maximum=10**6)
     lockstep_with: str = parameter(
         '', '', 'namespaces of other rigs, separated by commas, that must demand a sample as well '
-        'before it is sent, as of the other axis of a scan: /x,/y', change='configuration')
+        'before it is sent, as of the other axis of a scan: /x,/y; ../y is beside the own one',
+        change='configuration')
 
     def check_together(self) -> None:
         """Refuse what is no namespace."""
         for namespace in self.rigs_in_step:
-            if not re.fullmatch(r'(/[A-Za-z_][A-Za-z0-9_]*)+', namespace):
+            if not re.fullmatch(r'(\.\.)?(/[A-Za-z_][A-Za-z0-9_]*)+', namespace):
                 raise ParameterError(
-                    f'lockstep_with has {namespace!r}, it must be a full namespace such as /x')
+                    f'lockstep_with has {namespace!r}, it must be a full namespace such as /x, or '
+                    'one beside the own such as ../x')
 
     @property
     def rigs_in_step(self) -> tuple[str, ...]:
         """The namespaces as a tuple."""
         return tuple(name.strip() for name in self.lockstep_with.split(',') if name.strip())
+
+    def namespaces_in_step(self, own: str) -> tuple[str, ...]:
+        """Return the full namespaces, for a node in a namespace of its own."""
+        beside = own.rpartition('/')[0]
+        return tuple(
+            beside + name[2:] if name.startswith('..') else name for name in self.rigs_in_step)
 
 
 @dataclass(frozen=True, kw_only=True)

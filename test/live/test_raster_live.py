@@ -58,13 +58,19 @@ def test_live_scans_have_the_bits_of_offline_ones(rig, scan_plan, tmp_path, proc
         path.parent.relative_to(tmp_path / 'offline')
         for path in (tmp_path / 'offline').rglob('metadata.yaml'))
     assert len(bags) == 3  # the learning run, and both axes
-    namespaces = set()
+    namespaces, in_step = set(), set()
     for bag in bags:
         run, expected = read(tmp_path / 'live' / bag), read(tmp_path / 'offline' / bag)
         for stream in STREAMS:
             np.testing.assert_array_equal(run.whole(stream)[1], expected.whole(stream)[1])
         namespaces.add(run.namespace)
+        # Nothing of the process that made them.
+        assert not re.search(r'piezo_\d', str(run.parameters))
+        in_step |= {
+            values['lockstep_with'] for name, values in run.parameters.items()
+            if name.endswith('/trajectory')}
     assert {name.rpartition('/')[2] for name in namespaces} == {'fast', 'slow'}
+    assert in_step == {'', '../fast', '../slow'}
     figures = [
         re.search(r'"rms_px": \S+', (tmp_path / how / 'report.json').read_text())[0]
         for how in ('live', 'offline')]

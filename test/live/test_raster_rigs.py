@@ -90,8 +90,8 @@ def test_each_axis_keeps_step_with_the_other(rigs):
     trajectories = {
         axis: graph.planned.parameters['trajectory'] for axis, graph in rigs.graphs.items()}
     assert trajectories == {
-        'fast': {'periods': 3.0, 'lockstep_with': '/scan/slow'},
-        'slow': {'periods': 3.0, 'lockstep_with': '/scan/fast'}}
+        'fast': {'periods': 3.0, 'lockstep_with': '../slow'},
+        'slow': {'periods': 3.0, 'lockstep_with': '../fast'}}
 
 
 @pytest.mark.parametrize(('how', 'problem'), [

@@ -17,8 +17,10 @@
 import pytest
 from std_msgs.msg import UInt64
 
+from piezo_ros.model import ParameterError
 from piezo_ros.nodes.demand import DemandReader, DemandWriter
 from piezo_ros.nodes.joint_demand import JointDemand
+from piezo_ros.parameters.node_parameters import BlockParameters
 from piezo_ros.runtime.streams.fault import StreamFault
 from piezo_ros.runtime.streams.qos import EVERY_STATUS, LATCHED
 
@@ -194,3 +196,20 @@ def test_a_rig_in_step_must_be_there(joint, transport):
     assert reader.wrong_writers() == ''
     other._publisher.destroy()
     assert '/rig/y/demand' in reader.wrong_writers()
+
+
+@pytest.mark.parametrize(('given', 'namespaces'), [
+    ('/y, /lab/z', ('/y', '/lab/z')), ('../slow', ('/piezo/slow',)),
+    ('../slow,/y', ('/piezo/slow', '/y')), ('../more/slow', ('/piezo/more/slow',)), ('', ())])
+def test_rigs_in_step_are_named_in_full_or_beside_the_own_one(given, namespaces):
+    assert BlockParameters(lockstep_with=given).namespaces_in_step('/piezo/fast') == namespaces
+
+
+def test_beside_a_rig_of_one_name_is_the_root():
+    assert BlockParameters(lockstep_with='../y').namespaces_in_step('/x') == ('/y',)
+
+
+@pytest.mark.parametrize('given', ['y', '..', '../', './y', '../../y', '/', '/x/..'])
+def test_what_is_no_namespace_is_refused(given):
+    with pytest.raises(ParameterError, match='lockstep_with has .* such as /x, or one beside'):
+        BlockParameters(lockstep_with=given)
