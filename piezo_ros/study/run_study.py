@@ -17,7 +17,7 @@
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from piezo_ros.experiment.output_directory import keep_plan
 from piezo_ros.experiment.plan import Plan
@@ -32,6 +32,8 @@ from piezo_ros.study.results import PaperResults
 from piezo_ros.study.study_runs import StudyRuns
 
 __all__ = ['run_study']
+
+RUNS: Final = 456  # that it does on the rig of its plan
 
 
 def run_study(
@@ -68,7 +70,7 @@ def run_study(
 
     """
     plan_text = keep_plan(plan.path, directory)
-    runs = StudyRuns(directory, run, announce)
+    runs = StudyRuns(directory, run, announce, RUNS)
     results = run_experiments(plan.base, runs.each)
     write_models(directory, results.hysteresis, results.dynamics, results.tuning)
     record: dict[str, Any] = {

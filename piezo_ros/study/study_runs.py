@@ -35,6 +35,9 @@ class StudyRuns:
         Does one run into the bag directory it is given.
     announce : callable
         Is told of each run before it starts.
+    usual : int
+        How many runs the study does on the rig of its plan. What learning does, and with it the
+        number on another rig, is known only afterwards.
 
     Attributes
     ----------
@@ -45,11 +48,12 @@ class StudyRuns:
 
     def __init__(
         self, directory: Path, run: Callable[[PlannedRun, Path], RunResult],
-        announce: Callable[[str], None],
+        announce: Callable[[str], None], usual: int,
     ) -> None:
         self._directory = directory
         self._run = run
         self._announce = announce
+        self._usual = usual
         self._count = 0
         self.wall_seconds: dict[str, float] = {}
 
@@ -57,7 +61,8 @@ class StudyRuns:
         """Do a run into a bag directory."""
         self._count += 1
         place = str(bag.relative_to(self._directory)).removeprefix('bags/')
-        self._announce(f'[{self._count}] {place}: {planned.description}')
+        runs = max(self._count, self._usual)
+        self._announce(f'[{self._count}/{runs}] {place}: {planned.description}')
         result = self._run(planned, bag)
         self.wall_seconds[planned.name] = result.wall_seconds
         return result

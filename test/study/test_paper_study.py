@@ -23,6 +23,7 @@ import pytest
 from piezo_ros.cli.main import main
 from piezo_ros.parameters.parameter_file import read_parameter_file
 from piezo_ros.study.results import Crossing
+from piezo_ros.study.run_study import RUNS
 from piezo_ros.study.table_4 import agreement, published_errors, table_cells
 
 PLAN = Path(__file__).parents[2] / 'config' / 'experiments' / 'paper.yaml'
@@ -50,6 +51,11 @@ def test_table_4_as_published_is_met_also_on_rows_that_the_calibration_never_saw
     assert report['agreement']['all']['median_deviation'] <= 0.08
     assert report['agreement']['held_out_rows']['median_deviation'] <= 0.10
     assert report['agreement']['all']['verdicts'] >= 27
+
+
+@pytest.mark.slow
+def test_it_has_as_many_runs_as_its_progress_tells(directory):
+    assert sum(1 for _ in directory.rglob('metadata.yaml')) == RUNS
 
 
 @pytest.mark.slow

@@ -17,6 +17,7 @@
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Final
 
 from piezo_ros.experiment.output_directory import keep_plan
 from piezo_ros.experiment.plan import Plan
@@ -30,6 +31,8 @@ from piezo_ros.study.model_files import write_models
 from piezo_ros.study.study_runs import StudyRuns
 
 __all__ = ['run_beyond']
+
+RUNS: Final = 301  # that it does on the rig of its plan
 
 
 def run_beyond(
@@ -66,7 +69,7 @@ def run_beyond(
 
     """
     plan_text = keep_plan(plan.path, directory)
-    runs = StudyRuns(directory, run, announce)
+    runs = StudyRuns(directory, run, announce, RUNS)
     results = run_beyond_experiments(plan.base, runs.each, runs.one, directory)
     write_models(directory, results.hysteresis, results.dynamics)
     with interruptible():

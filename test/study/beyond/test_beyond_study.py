@@ -29,6 +29,7 @@ from piezo_ros.model import DynamicsParameters, HysteresisParameters, RigParamet
 from piezo_ros.parameters.parameter_file import read_parameter_set
 from piezo_ros.planning.scan import ScanRequest, limits_of, planned_scan
 from piezo_ros.study.beyond.best_known import read_best_known
+from piezo_ros.study.beyond.run_beyond import RUNS
 from piezo_ros.study.experiments import run_error_percent
 
 CONFIG = Path(__file__).parents[3] / 'config'
@@ -91,6 +92,12 @@ def test_every_cell_is_learned_within_its_limit(report):
         factors.append(cell['paper_percent'] / learned['measured_percent'])
     assert np.median(factors) >= 7.0
     assert min(factors) >= 3.0
+
+
+@pytest.mark.slow
+def test_it_has_as_many_runs_as_its_progress_tells(directory):
+    # How many are learned may differ by a few where numbers differ in the last bit.
+    assert sum(1 for _ in directory.rglob('metadata.yaml')) == pytest.approx(RUNS, abs=5)
 
 
 @pytest.mark.slow
