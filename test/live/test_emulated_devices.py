@@ -58,9 +58,8 @@ def test_a_run_on_a_controller_is_aligned_and_what_its_recorder_holds(rig):
     controller = VirtualController(RigParameters(noise_rms_um=0.0))
     out = rig.directory / 'out'
     with served(controller) as (_, address):
-        command = rig.piezo(
-            'run', plan(rig.directory, CYCLE_S, 200.0, device='gcs', address=address), '-o', out,
-            '--yes')
+        path = plan(rig.directory, CYCLE_S, 200.0, periods=5, device='gcs', address=address)
+        command = rig.piezo('run', path, '-o', out, '--yes')
         assert command.wait() == 0, command.output
     run = read(the_bag(out))
     voltage_v, displacement_um = (run.whole(name)[1] for name in ('voltage', 'displacement'))
