@@ -299,6 +299,18 @@ def recall_measurement(state: ControllerState, index: int, displacement_um: floa
 
 
 @step
+def _through(ring_um: Vector, index: int, value_um: float) -> float:
+    """Keep the value of a sample and return the oldest one that is kept."""
+    slots = len(ring_um)
+    if slots == 1:  # nothing is delayed: a division of integers takes as long as all the rest
+        ring_um[0] = value_um
+        return value_um
+    ring_um[index % slots] = value_um
+    oldest_um: float = ring_um[(index + 1) % slots]
+    return oldest_um
+
+
+@step
 def controller_step(
     state: ControllerState, constants: ControllerConstants, index: int, reference_um: float,
     feedforward_um: float, displacement_um: float,
@@ -336,9 +348,8 @@ def controller_step(
             measured[i] = displacement_um
         for i in range(len(reference)):
             reference[i] = reference_um
-    slots = len(measured)
-    measured[index % slots] = displacement_um
-    reference[index % len(reference)] = reference_um
+    measured_um = _through(measured, index, displacement_um)
+    aimed_um = _through(reference, index, reference_um)
     memory = state.memory
     base_um = 0.0
     if constants.uses_feedforward:
@@ -346,7 +357,7 @@ def controller_step(
     elif not constants.uses_feedback:
         base_um = reference_um
     if constants.uses_feedback:
-        error_um = reference[(index + 1) % len(reference)] - measured[(index + 1) % slots]
+        error_um = aimed_um - measured_um
         raw_um = error_um
         if constants.lead_gain > 0.0 and memory[_HAS_ERROR] > 0.0:
             error_um = constants.lead_pole * memory[_LED_ERROR_UM] + constants.lead_gain * (
