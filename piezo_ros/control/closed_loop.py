@@ -190,6 +190,7 @@ def run_loop(
     is_full = rig.constants.creep is not None or inverse.inverts_creep
     kernel = full_closed_loop if is_full else closed_loop
     for start, stop, piece in segments(law, changes, samples):
-        controller.change(piece, bumpless=start > 0)
+        if piece is not controller.parameters:
+            controller.change(piece, bumpless=start > 0)
         kernel(controller.memory, inverse.memory, rig.memory, noise, run, start, stop)
     return run

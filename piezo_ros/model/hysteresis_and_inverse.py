@@ -20,14 +20,21 @@ Both do the steps of `piezo_ros.model.hysteresis`, which begins with the equatio
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from piezo_ros import paper
-from piezo_ros.model.creep import CreepParameters, creep_constants, inverse_creep_step
+from piezo_ros.model.creep import (
+    CreepConstants,
+    CreepParameters,
+    creep_constants,
+    inverse_creep_step,
+)
 from piezo_ros.model.hysteresis import (
+    HysteresisConstants,
     HysteresisParameters,
     compensation_step,
     hysteresis_constants,
@@ -223,10 +230,8 @@ class InverseHysteresis:
         compiled: bool = True,
     ) -> None:
         self.is_compiled = compiled
-        self._creep = creep_constants(parameters, sample_period_s) if isinstance(
-            parameters, CompensatorParameters) else None
+        self._constants, self._creep, memory_at_rest = _at_rest(parameters, sample_period_s)
         self._relaxed_um = [0.0] * (len(self._creep.rate) if self._creep else 0)
-        self._constants = hysteresis_constants(parameters)
         self._state = hysteresis_state([0.0] * len(self._constants.width_um))
         self.memory = np.empty(0)
         self._kernel: Callable[..., None] | None = None
@@ -235,8 +240,7 @@ class InverseHysteresis:
             self._kernel = (
                 kernels.creep_inverse_packed_array if self._creep
                 else kernels.inverse_packed_array)
-            self.memory = packed_inverse(
-                self._state, self._constants, self._relaxed_um, self._creep)
+            self.memory = memory_at_rest.copy()
 
     @property
     def sample_step(self) -> Callable[..., float]:
@@ -274,6 +278,21 @@ class InverseHysteresis:
         return np.array([
             compensation_step(state, constants, inverse_creep_step(relaxed_um, creep, command))
             for command in command_um.tolist()])
+
+
+@lru_cache(maxsize=64)
+def _at_rest(
+    parameters: HysteresisParameters, sample_period_s: float,
+) -> tuple[HysteresisConstants, CreepConstants | None, NDArray[np.float64]]:
+    """Return constants and memory of a virgin inverse, not to be changed: they are shared."""
+    creep = creep_constants(parameters, sample_period_s) if isinstance(
+        parameters, CompensatorParameters) else None
+    constants = hysteresis_constants(parameters)
+    memory = packed_inverse(
+        hysteresis_state([0.0] * len(constants.width_um)), constants,
+        [0.0] * (len(creep.rate) if creep else 0), creep)
+    memory.setflags(write=False)
+    return constants, creep, memory
 
 
 @step

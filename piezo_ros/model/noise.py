@@ -22,6 +22,10 @@ A counter-based generator (Philox) starts afresh at every 4096th index::
 So a sample has the same noise live, one by one, and offline, all at once.
 """
 
+import threading
+from functools import lru_cache
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -30,21 +34,32 @@ __all__ = ['NoiseSource', 'unit_noise']
 _CHUNK = 4096
 
 
-class _Chunks:
-    """The noise of one seed, chunk by chunk in any order."""
+class _Generator(threading.local):
+    """One for all seeds, in each thread: to make another one takes half as long as to draw."""
 
-    def __init__(self, seed: int) -> None:
-        # One for all chunks: to make another one takes half as long as to draw from it.
-        self._bits = np.random.Philox(key=seed)
-        self._fresh = self._bits.state
+    def __init__(self) -> None:
+        self._bits = np.random.Philox(key=0)
+        self._fresh: Any = self._bits.state
         self._generator = np.random.Generator(self._bits)
 
-    def __call__(self, number: int) -> NDArray[np.float64]:
-        """Return the noise of one chunk, shape (4096,)."""
-        counter = np.array([0, number, 0, 0], np.uint64)
-        self._bits.state = {
-            **self._fresh, 'state': {**self._fresh['state'], 'counter': counter}}
+    def chunk(self, seed: int, number: int) -> NDArray[np.float64]:
+        """Return the noise of one chunk of a seed, shape (4096,)."""
+        state: Any = {**self._fresh, 'state': {
+            'counter': np.array([0, number, 0, 0], np.uint64),
+            'key': np.array([seed, 0], np.uint64)}}
+        self._bits.state = state
         return self._generator.standard_normal(_CHUNK)
+
+
+_generator = _Generator()
+
+
+@lru_cache(maxsize=8)  # rigs that differ in other things than the seed have the same noise
+def _chunk(seed: int, number: int) -> NDArray[np.float64]:
+    """Return the noise of one chunk, not to be changed: it is shared."""
+    noise = _generator.chunk(seed, number)
+    noise.setflags(write=False)
+    return noise
 
 
 def unit_noise(seed: int, start: int, count: int) -> NDArray[np.float64]:
@@ -76,7 +91,7 @@ def unit_noise(seed: int, start: int, count: int) -> NDArray[np.float64]:
     first, last = start // _CHUNK, (start + count - 1) // _CHUNK
     if count <= 0:
         return np.empty(0)
-    whole = np.concatenate([*map(_Chunks(seed), range(first, last + 1))])
+    whole = np.concatenate([_chunk(seed, number) for number in range(first, last + 1)])
     offset = start - first * _CHUNK
     return whole[offset:offset + count]
 
@@ -85,7 +100,7 @@ class NoiseSource:
     """`unit_noise` one sample at a time, for a node."""
 
     def __init__(self, seed: int) -> None:
-        self._chunk = _Chunks(seed)
+        self._seed = seed
         self._start = 0
         self._values: list[float] = []
         self._window: tuple[int, NDArray[np.float64]] = (0, np.empty(0))
@@ -95,7 +110,7 @@ class NoiseSource:
         offset = index - self._start
         if not 0 <= offset < len(self._values):
             self._start = index - index % _CHUNK
-            self._values = self._chunk(index // _CHUNK).tolist()
+            self._values = _chunk(self._seed, index // _CHUNK).tolist()
             offset = index - self._start
         return self._values[offset]
 
@@ -104,7 +119,8 @@ class NoiseSource:
         first, values = self._window
         if not first <= index < first + values.size:
             number = index // _CHUNK
-            self._window = first, values = number * _CHUNK, self._chunk(number)
+            # A copy: compiled code takes an array that may be changed for another type.
+            self._window = first, values = number * _CHUNK, _chunk(self._seed, number).copy()
         return first, values
 
     def block(self, start: int, count: int) -> NDArray[np.float64]:

@@ -71,19 +71,20 @@ def _packed(sizes: list[int], *contents: Any) -> NDArray[np.float64]:
     return np.array(numbers, dtype=np.float64)
 
 
-def _append(numbers: list[float], value: Any) -> None:
+def _append(numbers: list[float], value: tuple[Any, ...]) -> None:
     """Append the numbers of nested named tuples and of lists, depth first; none of None."""
-    if value is None:
-        return
-    if isinstance(value, AsymmetryConstants):
-        numbers.append(float(len(value.threshold_um)))
-    if isinstance(value, list):
-        numbers.extend(value)
-    elif isinstance(value, tuple):
-        for element in value:
+    for element in value:
+        kind = type(element)
+        if kind is float:
+            numbers.append(element)
+        elif kind is list:
+            numbers.extend(element)
+        elif isinstance(element, tuple):
+            if isinstance(element, AsymmetryConstants):
+                numbers.append(float(len(element.threshold_um)))
             _append(numbers, element)
-    else:
-        numbers.append(float(value))
+        elif element is not None:
+            numbers.append(float(element))
 
 
 @step

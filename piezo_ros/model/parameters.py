@@ -141,26 +141,27 @@ class ParameterSet:
     """
 
     def __post_init__(self) -> None:
-        values = vars(self)
-        own: Any = type(self)  # a type checker takes it for not hashable
-        for field, name, kind, low, high, choices in _fields(own):
-            value: Any = values[name]
-            # Nearly all values are at once seen to be right; the others are looked at closely.
-            if type(value) is kind:
-                known: Any = value
-                if kind is float or kind is int:
-                    if low <= known <= high:
-                        continue
-                elif not known if kind is tuple else not choices or known in choices:
-                    continue
-            self._take(field, value)
-        self.check_together()
+        self._check(vars(self))
 
-    def _take(self, field: 'dataclasses.Field[Any]', value: Any) -> None:
-        """Convert, check and keep the value of a field."""
-        value = _converted(field, value)
-        _check(field.name, value, constraint_of(field))
-        object.__setattr__(self, field.name, value)
+    def _check(self, values: Mapping[str, Any]) -> None:
+        """Convert, check and keep the values of some fields; then check all of them together."""
+        own: Any = type(self)  # a type checker takes it for not hashable
+        fields = _fields(own)
+        for name, given in tuple(values.items()):
+            field, kind, low, high, choices = fields[name]
+            # Nearly all values are at once seen to be right; the others are looked at closely.
+            value: Any = given
+            is_kind = type(value) is kind
+            if is_kind and (
+                low <= value <= high if kind is float or kind is int
+                else not value if kind is tuple else not choices or value in choices
+            ):
+                vars(self)[name] = value
+                continue
+            value = _converted(field, value)
+            _check(name, value, constraint_of(field))
+            vars(self)[name] = value
+        self.check_together()
 
     def check_together(self) -> None:
         """Refuse combinations of values that are each allowed alone (default: none)."""
@@ -209,14 +210,10 @@ class ParameterSet:
         """Return a copy with some values replaced, these checked, and all of them together."""
         self._check_names(values)
         copy = object.__new__(type(self))
-        kind: Any = type(self)
-        for field, name, *_ in _fields(kind):
-            if name in values:
-                copy._take(field, values[name])
-            else:
-                # Checked already; a search replaces one value thousands of times.
-                object.__setattr__(copy, name, getattr(self, name))
-        copy.check_together()
+        own = vars(self)
+        # Checked already; a search replaces one value thousands of times.
+        vars(copy).update({name: own[name] for name in self.names()})
+        copy._check(values)
         return copy
 
     def to_mapping(self) -> dict[str, Any]:
@@ -232,16 +229,16 @@ def as_yaml(value: Any) -> Any:
 @cache
 def _fields(
     parameter_set: Any,
-) -> tuple[tuple['dataclasses.Field[Any]', str, type, float, float, tuple[str, ...]], ...]:
-    """Return field, name, type, range (finite) and choices of each parameter of a set."""
+) -> dict[str, tuple['dataclasses.Field[Any]', type, float, float, tuple[str, ...]]]:
+    """Return name to field, type, range (finite) and choices of each parameter of a set."""
     largest = sys.float_info.max
-    found = []
+    found = {}
     for field in dataclasses.fields(parameter_set):
         _, _, low, high, choices, _ = constraint_of(field)
-        found.append((
-            field, field.name, type(field.default), -largest if low is None else low,
-            largest if high is None else high, choices))
-    return tuple(found)
+        found[field.name] = (
+            field, type(field.default), -largest if low is None else low,
+            largest if high is None else high, choices)
+    return found
 
 
 @cache

@@ -19,6 +19,7 @@ The voltage u[k] is held from t[k] to t[k+1], and y[k+1] is the reading at the e
 """
 
 from collections.abc import Callable
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -33,6 +34,7 @@ from piezo_ros.model.packing import (
     unpacked_state,
 )
 from piezo_ros.model.rig import (
+    RigConstants,
     RigParameters,
     RigState,
     initial_state,
@@ -87,7 +89,7 @@ class Rig:
     ) -> None:
         self.parameters = parameters or RigParameters()
         self.sample_period_s = sample_period_s
-        self.constants = rig_constants(self.parameters, sample_period_s)
+        self.constants, self._memory_at_rest = _at_rest(self.parameters, sample_period_s)
         self.is_compiled = compiled
         self._kernel: Callable[..., None] | None = None
         if compiled:
@@ -107,11 +109,9 @@ class Rig:
 
     def reset(self) -> None:
         """Return to rest at the operating point, never driven, index 0."""
-        self._state = initial_state(self.constants)
-        self.memory = np.empty(0)
-        if self.is_compiled:
-            self.memory = packed_rig(self._state, self.constants)
-            self._state = unpacked_state(self.memory)
+        self.memory = self._memory_at_rest.copy() if self.is_compiled else np.empty(0)
+        self._state = (
+            unpacked_state(self.memory) if self.is_compiled else initial_state(self.constants))
         self.index = 0
         self._noise = NoiseSource(self.parameters.seed)
 
@@ -231,6 +231,17 @@ class Rig:
 
         """
         return self.answer(self.index, finite_series('voltage_v', voltage_v))
+
+
+@lru_cache(maxsize=64)
+def _at_rest(
+    parameters: RigParameters, sample_period_s: float,
+) -> tuple[RigConstants, NDArray[np.float64]]:
+    """Return constants and memory of a rig at rest, not to be changed: they are shared."""
+    constants = rig_constants(parameters, sample_period_s)
+    memory = packed_rig(initial_state(constants), constants)
+    memory.setflags(write=False)
+    return constants, memory
 
 
 @step

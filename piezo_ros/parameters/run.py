@@ -14,7 +14,7 @@
 
 """A run, whether on live nodes or offline: what its nodes are told, and how it went."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Protocol
@@ -114,7 +114,23 @@ class PlannedRun:
 
         """
         model: ParameterSet = getattr(self, node).replaced(**values)
-        own = {name: as_yaml(getattr(model, name)) for name in values}
+        return self.with_model(node, model, values)
+
+    def with_model(self, node: str, model: ParameterSet, names: Iterable[str]) -> 'PlannedRun':
+        """
+        Return the run with another model of a node.
+
+        Parameters
+        ----------
+        node : str
+            One of `LOOP_NODES`.
+        model : ParameterSet
+            What the property of that name has in place of its own.
+        names : iterable of str
+            The parameters in which they differ.
+
+        """
+        own = {name: as_yaml(getattr(model, name)) for name in names}
         run = replace(self, parameters={
             **self.parameters, node: {**self.parameters[node], **own}})
         # The models are properties that are computed once: the others stay as they are.

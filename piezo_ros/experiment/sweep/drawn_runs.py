@@ -17,26 +17,30 @@ The runs of a sweep: what is drawn takes the place of what the entry of the plan
 
 A run of the plan is checked as a whole once. Where only parameters of the models are drawn, the
 others are taken from that run, and the reference and feedforward are computed once; every drawn
-value is checked. Any other draw goes the whole way through the plan.
+value is checked, and a drawn model is made once for all runs of the draw that have it. Any other
+draw goes the whole way through the plan.
 """
 
+from collections.abc import Iterable, Mapping
+from functools import lru_cache
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from piezo_ros.control import TrajectoryParameters
 from piezo_ros.control.closed_loop import target_of
 from piezo_ros.experiment.offline import simulated_streams
 from piezo_ros.experiment.plan.automatic import AUTO
 from piezo_ros.experiment.plan.run_entry import check_run, run_name
 from piezo_ros.experiment.sweep.sweep_plan import SweepPlan
+from piezo_ros.model import ParameterSet
 from piezo_ros.parameters.node_parameters import LOOP_NODES, NODE_PARAMETERS
 from piezo_ros.parameters.run import PlannedRun
 
 __all__ = ['DrawnRun', 'DrawnRuns']
 
 _OF_ALL_NODES: Final = 'sample_period_s'
+_KEPT_TARGETS: Final = 16  # references with their feedforward; a plan has few of them
 
 
 class DrawnRun(NamedTuple):
@@ -70,11 +74,15 @@ class DrawnRuns:
     def __init__(self, plan: SweepPlan) -> None:
         self._plan = plan
         self._first: dict[int, PlannedRun] = {}
-        self._target: tuple[TrajectoryParameters, Any] | None = None
-        names = [name.partition('.') for name in plan.distributions]
+        self._target = lru_cache(maxsize=_KEPT_TARGETS)(target_of)
+        # Node to what is drawn of it, as node.name and as name.
+        self._drawn = _by_node(plan.distributions)
+        # Of one draw: node, its model in the first draw, and that model as it is drawn.
+        self._draw = -1
+        self._models: list[tuple[str, ParameterSet, ParameterSet]] = []
         of_models = all(
             parameter != _OF_ALL_NODES and parameter in NODE_PARAMETERS[node][0].names()
-            for node, _, parameter in names)
+            for node, names in self._drawn.items() for _, parameter in names)
         self._is_simple = [
             of_models and not self._leaves_open(entry) for entry in range(len(plan.entries))]
 
@@ -95,14 +103,16 @@ class DrawnRuns:
             If a drawn value is out of its range.
 
         """
-        entry = number % len(self._plan.entries)
+        draw, entry = divmod(number, len(self._plan.entries))
         if not self._is_simple[entry]:
             planned = self._plan.run(number)
             return DrawnRun(planned.name, planned)
         try:
             planned = self._first_of(entry)
-            for node, values in _by_node(drawn).items():
-                planned = planned.replaced(node, values)
+            for node, names in self._drawn.items():
+                values = {parameter: drawn[name] for name, parameter in names}
+                model = self._drawn_model(draw, node, getattr(planned, node), values)
+                planned = planned.with_model(node, model, values)
             check_run('', planned, self._plan.score_periods)
         except ValueError:
             planned = self._plan.run(number)  # says where it stands, or decides what is auto
@@ -110,10 +120,20 @@ class DrawnRuns:
 
     def streams(self, planned: PlannedRun) -> dict[str, NDArray[np.float64]]:
         """Return the streams of a run as `simulated_streams` does."""
-        trajectory = planned.trajectory
-        if self._target is None or self._target[0] != trajectory:
-            self._target = trajectory, target_of(trajectory)
-        return simulated_streams(planned, self._target[1])
+        return simulated_streams(planned, self._target(planned.trajectory))
+
+    def _drawn_model(
+        self, draw: int, node: str, model: ParameterSet, values: Mapping[str, Any],
+    ) -> ParameterSet:
+        """Return a model with the values of a draw, made once for all runs that have the model."""
+        if draw != self._draw:
+            self._draw, self._models = draw, []
+        for known, before, after in self._models:
+            if known == node and (before is model or before == model):
+                return after
+        after = model.replaced(**values)
+        self._models.append((node, model, after))
+        return after
 
     def _leaves_open(self, number: int) -> bool:
         """Return whether an entry leaves something to be decided for each draw, or a device."""
@@ -131,13 +151,11 @@ class DrawnRuns:
         return self._first[entry]
 
 
-def _by_node(drawn: dict[str, Any]) -> dict[str, dict[str, Any]]:
-    """Return node to the drawn values of its parameters, in the order of `LOOP_NODES`."""
-    found: dict[str, dict[str, Any]] = {}
+def _by_node(names: Iterable[str]) -> dict[str, list[tuple[str, str]]]:
+    """Return node to ``node.name`` and name of its parameters, in the order of `LOOP_NODES`."""
+    found: dict[str, list[tuple[str, str]]] = {}
     for node in LOOP_NODES:
-        values = {
-            name[len(node) + 1:]: value for name, value in drawn.items()
-            if name.startswith(f'{node}.')}
-        if values:
-            found[node] = values
+        own = [(name, name[len(node) + 1:]) for name in names if name.startswith(f'{node}.')]
+        if own:
+            found[node] = own
     return found
