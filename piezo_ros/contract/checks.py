@@ -130,7 +130,8 @@ def check_end(node: DrivenNode) -> None:
     if node.settings.ahead:
         got = len(log.samples)
         node.find(_AHEAD, got == node.due, '' if got == node.due else (
-            f'{got} samples of {node.output} have arrived, {node.due} are due'))
+            f'{got} samples of {node.output} have arrived, {node.due} are due'
+            + ('; blocks that must be refused were taken' if got > node.due else '')))
     if log.ended_at is None:
         node.find(what, False, (
             f'no N = 0 on {node.output} within {node.settings.patience_s:g} s of that on '

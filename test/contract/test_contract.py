@@ -190,6 +190,13 @@ def test_the_command_checks_a_plant_that_plays_whole_runs(rig):
     assert '26 checks, 0 wrong' in command.output
 
 
+def test_what_must_be_refused_is_counted_in_a_whole_run_too():
+    with started('TakesAnything', IMPATIENT._replace(ahead=True)) as session:
+        ordinary_run(session.node, disturbed=True)
+    detail = wrong(session.node.findings)['u[k] answered by y[k+1], once the whole run is there']
+    assert 'blocks that must be refused were taken' in detail
+
+
 @pytest.mark.slow
 def test_a_plant_that_plays_whole_runs_is_told_what_to_give(rig):
     rig.node('hardware_plant', handshake_timeout_s=60.0, demagnetise='false')
