@@ -16,10 +16,17 @@
 import os
 from pathlib import Path
 
+import numpy as np
 import pytest
 from browser import browser, needs_browser, open_page
+from scanned_images import scanned_image
 from screenshots import MODES, settle
 
+from piezo_ros.identification.hysteresis.hysteresis_fit import fit_hysteresis_records
+from piezo_ros.identification.hysteresis.records import make_records
+from piezo_ros.report.analysis.identification_page import write_hysteresis_page
+from piezo_ros.report.analysis.loop_deviation import ModelResidual
+from piezo_ros.report.page.raster_report import write_raster_report
 from piezo_ros.report.page.run_report import write_report
 
 axe = pytest.importorskip('axe_playwright_python.sync_playwright', reason='no axe-core')
@@ -42,8 +49,35 @@ def run_report(tmp_path_factory, scored_runs):
         software={'numpy': '2'}, notes=['A note.'], plan='title: Runs', command='piezo report')
 
 
-def pages(run_report):
-    return [run_report, *(directory / 'report.html' for directory in PAGES)]
+@pytest.fixture(scope='module')
+def raster_report(tmp_path_factory):
+    directory = tmp_path_factory.mktemp('raster')
+    scans = [scanned_image(), scanned_image('001_b', 'learned', scale=1.0)]
+    write_raster_report(directory, title='Scans', scans=scans, software={}, notes=['A note.'])
+    return directory / 'report.html'
+
+
+@pytest.fixture(scope='module')
+def hysteresis_report(tmp_path_factory):
+    corners_v = np.array([0.0, *(level * sign for level in (3, 2, 1) for sign in (1, -1)), 0.0])
+    voltage_v = np.interp(np.arange(1401) / 200, np.arange(corners_v.size), corners_v)
+    generator = np.random.default_rng(1)
+    fit = fit_hysteresis_records(make_records(
+        voltage_v, voltage_v + 0.02 * voltage_v**2 + generator.normal(0.0, 1e-3, voltage_v.size)),
+        elements=4)
+    return write_hysteresis_page(
+        tmp_path_factory.mktemp('hysteresis'), title='Hysteresis', fit=fit, sample_period_s=1e-3,
+        compared=[ModelResidual('MRC, 4 elements', 5, 2.0, 3.0)], software={'numpy': '2'},
+        command='piezo identify hysteresis')
+
+
+@pytest.fixture(scope='module')
+def made(run_report, raster_report, hysteresis_report):
+    return run_report, raster_report, hysteresis_report
+
+
+def pages(made):
+    return [*made, *(directory / 'report.html' for directory in PAGES)]
 
 
 def found_by_axe(page):
@@ -55,8 +89,8 @@ def found_by_axe(page):
 
 @pytest.mark.parametrize('mode', [
     'light', *(pytest.param(mode, marks=pytest.mark.slow) for mode in ('dark', 'phone', 'print'))])
-def test_axe_finds_nothing(chromium, run_report, mode):
-    for path in pages(run_report):
+def test_axe_finds_nothing(chromium, made, mode):
+    for path in pages(made):
         with open_page(chromium, path, **MODES[mode]) as page:
             settle(page)
             assert found_by_axe(page) == []
@@ -73,8 +107,8 @@ def test_axe_finds_what_is_wrong(chromium, tmp_path):
 
 
 @pytest.mark.slow
-def test_every_picture_has_an_alternative_text(chromium, run_report):
-    for path in pages(run_report):
+def test_every_picture_has_an_alternative_text(chromium, made):
+    for path in pages(made):
         with open_page(chromium, path) as page:
             settle(page)
             labels = page.evaluate("""
@@ -86,8 +120,8 @@ def test_every_picture_has_an_alternative_text(chromium, run_report):
 
 
 @pytest.mark.slow
-def test_a_phone_scrolls_pictures_and_tables_not_the_page(chromium, run_report):
-    for path in pages(run_report):
+def test_a_phone_scrolls_pictures_and_tables_not_the_page(chromium, made):
+    for path in pages(made):
         with open_page(chromium, path, **MODES['phone']) as page:
             settle(page)
             assert page.evaluate('document.documentElement.scrollWidth') == 390
@@ -103,8 +137,8 @@ def test_a_phone_scrolls_pictures_and_tables_not_the_page(chromium, run_report):
 
 
 @pytest.mark.slow
-def test_nothing_is_clipped_in_print_and_folds_are_open(chromium, run_report):
-    for path in pages(run_report):
+def test_nothing_is_clipped_in_print_and_folds_are_open(chromium, made):
+    for path in pages(made):
         with open_page(chromium, path, **MODES['print']) as page:
             too_wide = page.evaluate("""
                 Array.from(document.querySelectorAll('table, pre, figure svg, p, figcaption'))

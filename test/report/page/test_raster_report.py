@@ -18,10 +18,8 @@ import json
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from scanned_images import scanned_image
 
-from piezo_ros.imaging.image_quality import image_quality
-from piezo_ros.imaging.raster_images import raster_images
-from piezo_ros.imaging.synthetic_sample import SyntheticSample
 from piezo_ros.report.figures.raster import comparison_figure, deviation_figure, scan_figure
 from piezo_ros.report.page import raster_report
 from piezo_ros.report.page.raster_report import (
@@ -29,25 +27,13 @@ from piezo_ros.report.page.raster_report import (
     write_image_files,
     write_raster_report,
 )
-from piezo_ros.report.scanned_image import ScannedImage
-
-LINES, SAMPLES = 20, 200
-
-
-def made(name='000_a', variant='planned', *, descends=False, scale=0.97, case='20 lines'):
-    turns = np.arange((LINES + 1) * SAMPLES) / SAMPLES
-    fast_um = 4.0 / np.pi * np.arcsin(np.sin(2.0 * np.pi * turns))
-    slow_um = 3.2 * (turns / LINES - 0.5) * (-1.0 if descends else 1.0)
-    images = raster_images(fast_um, scale * fast_um, slow_um, slow_um, pixels=24)
-    sample = SyntheticSample()
-    return ScannedImage(
-        name, case, variant, ('x', 'y'), images, sample, image_quality(images, sample),
-        measured_rms_px=0.5, noise_removed=True, sample_period_s=1e-5)
 
 
 @pytest.fixture(scope='module')
 def scans():
-    return [made(), made('001_b', 'learned', scale=1.0), made('002_c', descends=True, case='down')]
+    return [
+        scanned_image(), scanned_image('001_b', 'learned', scale=1.0),
+        scanned_image('002_c', descends=True, case='down')]
 
 
 @pytest.fixture(scope='module')
