@@ -20,6 +20,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from browser import browser, needs_browser, open_page
+from screenshots import settle
 
 from piezo_ros.bag import read
 from piezo_ros.cli.main import main
@@ -98,6 +100,17 @@ def test_every_cell_is_learned_within_its_limit(report):
 def test_it_has_as_many_runs_as_its_progress_tells(directory):
     # How many are learned may differ by a few where numbers differ in the last bit.
     assert sum(1 for _ in directory.rglob('metadata.yaml')) == pytest.approx(RUNS, abs=5)
+
+
+@pytest.mark.slow
+@needs_browser
+def test_axe_finds_nothing_on_its_page(directory):
+    axe = pytest.importorskip('axe_playwright_python.sync_playwright', reason='no axe-core')
+    with browser() as chromium, open_page(chromium, directory / 'report.html') as page:
+        settle(page)
+        found = axe.Axe().run(page).response['violations']
+        assert [(each['id'], [node['html'] for node in each['nodes']]) for each in found] == []
+        assert page.errors == []
 
 
 @pytest.mark.slow
