@@ -96,26 +96,6 @@ class PlannedRun:
         """Gains and scheme."""
         return ControllerParameters.among(self.parameters['controller'])
 
-    def replaced(self, node: str, values: Mapping[str, Any]) -> 'PlannedRun':
-        """
-        Return the run with other parameters of the model of a node, checked.
-
-        Parameters
-        ----------
-        node : str
-            One of `LOOP_NODES`.
-        values : mapping of str to value
-            Parameters of what the property of that name has.
-
-        Raises
-        ------
-        ParameterError
-            If a parameter is none of the model, or out of range.
-
-        """
-        model: ParameterSet = getattr(self, node).replaced(**values)
-        return self.with_model(node, model, values)
-
     def with_model(self, node: str, model: ParameterSet, names: Iterable[str]) -> 'PlannedRun':
         """
         Return the run with another model of a node.
