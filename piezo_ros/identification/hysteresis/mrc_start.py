@@ -254,7 +254,7 @@ def plays_of_rising_curve(
     ones = np.ones((voltage_v.size, 1))
     columns = np.hstack((pieces, ones, -ones, displacement_um[:, np.newaxis]))
     # The triangle alone, with the displacement as its last column: half the time.
-    triangular = np.linalg.qr(columns, mode='r')
+    triangular = np.asarray(np.linalg.qr(columns, mode='r'), dtype=np.float64)
     weights = nnls(triangular[:, :-1], triangular[:, -1])[0]
     mean_compliance = float(np.sum(weights[:_GRID] * (reach_v - grid)) / reach_v)
     bends = [

@@ -29,11 +29,14 @@ from matplotlib.patches import Circle
 from numpy.typing import NDArray
 
 from piezo_ros.report.figures.style import FAINT, INK, LINE_STYLES, SERIES, figure_style
+from piezo_ros.report.page.curve_panel import Curve, CurvePanel
 
-__all__ = ['NyquistCurve', 'nyquist_figure']
+__all__ = ['NyquistCurve', 'nyquist_figure', 'nyquist_panel']
 
 _LIMITS: Final = ((-2.6, 1.4), (-2.0, 2.0))
 _DISCS: Final = 18
+_CIRCLE_POINTS: Final = 181
+_PANEL_HEIGHT_PX: Final = 520
 
 _Floats = NDArray[np.float64]
 
@@ -117,10 +120,65 @@ def nyquist_figure(
     return figure
 
 
+def nyquist_panel(
+    curves: Sequence[NyquistCurve], *, max_sensitivity: float,
+    bound: Callable[[_Floats], _Floats] | None = None,
+    points: tuple[_Floats, NDArray[np.complex128]] | None = None,
+) -> CurvePanel:
+    """
+    Return the same as a panel of an interactive chart.
+
+    Parameters
+    ----------
+    curves, max_sensitivity, bound
+        As of `nyquist_figure`.
+    points : (ndarray, ndarray of complex), optional
+        Frequencies in hertz and L at the measured points.
+
+    """
+    shown = [
+        Curve(curve.label, curve.response.real, curve.response.imag,
+              (INK, *SERIES)[number], LINE_STYLES[number % len(LINE_STYLES)], width_px=2.0,
+              along=curve.frequency_hz)
+        for number, curve in enumerate(curves)]
+    if points is not None and points[1].size:
+        shown.append(Curve(
+            'measured points', points[1].real, points[1].imag, SERIES[1], 'none', 'open',
+            along=points[0]))
+    shown.append(_circle(
+        f'|S| = {max_sensitivity:.3g}', [(-1.0, 1.0 / max_sensitivity)], SERIES[3], 'solid'))
+    if bound is not None:
+        shown.append(_circle('discs of |W L|', _discs(curves[0], bound), SERIES[4], 'dashed'))
+    shown.append(_circle('|L| = 1', [(0.0, 1.0)], FAINT, 'dotted'))
+    shown.append(Curve('−1', [-1.0], [0.0], INK, 'none', 'filled'))
+    return CurvePanel(
+        'Re L', 'Im L', shown, along_label='frequency (Hz)', x_range=_LIMITS[0],
+        y_range=_LIMITS[1], has_equal_scales=True, height_px=_PANEL_HEIGHT_PX)
+
+
+def _circle(
+    label: str, discs: Sequence[tuple[complex, float]], colour: str, style: str,
+) -> Curve:
+    """Return circles, each a centre and a radius, as one curve with gaps between them."""
+    around = np.exp(1j * np.linspace(0.0, 2.0 * np.pi, _CIRCLE_POINTS))
+    places = np.concatenate([
+        np.append(centre + radius * around, np.nan) for centre, radius in discs])
+    return Curve(label, places.real, places.imag, colour, style, width_px=1.2)
+
+
 def _draw_discs(
     axes: Axes, curve: NyquistCurve, bound: Callable[[_Floats], _Floats],
 ) -> None:
-    """Draw discs of radius |W L|, of those that are near -1 the widest ones."""
+    for number, (centre, radius) in enumerate(_discs(curve, bound)):
+        axes.add_patch(Circle(
+            (centre.real, centre.imag), radius, fill=False, edgecolor=SERIES[4], linewidth=0.9,
+            linestyle='dashed', label='discs of |W L|' if not number else None))
+
+
+def _discs(
+    curve: NyquistCurve, bound: Callable[[_Floats], _Floats],
+) -> list[tuple[complex, float]]:
+    """Return centre L and radius |W L| of some discs, of those near -1 the widest ones."""
     low, high = curve.frequency_hz[0], curve.frequency_hz[-1]
     seen = np.abs(curve.response) < max(map(abs, _LIMITS[0]))
     if np.any(seen):
@@ -129,7 +187,5 @@ def _draw_discs(
     middle = (np.interp(frequency_hz, curve.frequency_hz, curve.response.real)
               + 1j * np.interp(frequency_hz, curve.frequency_hz, curve.response.imag))
     radii = np.asarray(bound(frequency_hz)) * np.abs(middle)
-    for number, (centre, radius) in enumerate(zip(middle, radii, strict=True)):
-        axes.add_patch(Circle(
-            (centre.real, centre.imag), radius, fill=False, edgecolor=SERIES[4], linewidth=0.9,
-            linestyle='dashed', label='discs of |W L|' if not number else None))
+    return [(complex(centre), float(radius))
+            for centre, radius in zip(middle, radii, strict=True)]

@@ -29,7 +29,7 @@ from piezo_ros.identification.tuning.loop_evidence import LoopEvidence
 from piezo_ros.identification.tuning.loop_shape import LoopShape
 from piezo_ros.identification.tuning.pi_tuning import PiTuning
 from piezo_ros.identification.tuning.time_response import loop_response, settling_samples
-from piezo_ros.report.analysis.nyquist import NyquistCurve, nyquist_figure
+from piezo_ros.report.analysis.nyquist import NyquistCurve, nyquist_figure, nyquist_panel
 from piezo_ros.report.analysis.panel_figure import chart_picture
 from piezo_ros.report.analysis.scheme_map import scheme_map_figure
 from piezo_ros.report.figures.style import INK, LINE_STYLES, SERIES
@@ -237,7 +237,10 @@ def _nyquist(tuned: TunedLoop) -> Picture:
         f'within its limit {tuned.tuning.max_sensitivity:.3g}.{about}',
         lambda: nyquist_figure(
             curves, max_sensitivity=tuned.tuning.max_sensitivity, bound=_magnitude(tuned.bound),
-            points=_open_loop_points(tuned)))
+            points=_open_loop_points(tuned)),
+        [nyquist_panel(
+            curves, max_sensitivity=tuned.tuning.max_sensitivity, bound=_magnitude(tuned.bound),
+            points=(tuned.evidence.frequency_hz, _open_loop_points(tuned)))])
 
 
 def _magnitude(bound: Bound | None) -> Callable[[_Floats], _Floats] | None:

@@ -18,7 +18,6 @@ A chart is drawn in the browser by uPlot (static/uPlot.iife.min.js, MIT licence)
 the page, so that a report stays one file. Values go to the page as 32-bit floats.
 """
 
-import base64
 import json
 import math
 from collections.abc import Sequence
@@ -32,7 +31,9 @@ from markupsafe import Markup
 from numpy.typing import ArrayLike, NDArray
 
 from piezo_ros.report.figures.style import INK, LINE_STYLES
+from piezo_ros.report.page.chart_values import as_base64
 from piezo_ros.report.page.colours import page_colour
+from piezo_ros.report.page.curve_panel import CurvePanel, curve_panel_content
 
 __all__ = ['ChartLibrary', 'Line', 'Panel', 'Trace', 'chart_json', 'chart_library']
 
@@ -157,10 +158,12 @@ def chart_library() -> ChartLibrary:
     return ChartLibrary(
         Markup(f'<style>\n{_static("uPlot.min.css")}</style>\n'),
         Markup(f'<script>\n/*\n{licence}*/\n{_static("uPlot.iife.min.js")}</script>\n'
-               f'<script>\n{_static("chart.js")}</script>\n'))
+               f'<script>\n{_static("chart.js")}{_static("curves.js")}</script>\n'))
 
 
-def chart_json(name: str, description: str, panels: Sequence[Panel]) -> Markup:
+def chart_json(
+    name: str, description: str, panels: Sequence[Panel | CurvePanel],
+) -> Markup:
     """
     Return the data of a chart for the script of its page.
 
@@ -170,7 +173,7 @@ def chart_json(name: str, description: str, panels: Sequence[Panel]) -> Markup:
         Name of the picture; unique on the page.
     description : str
         What the chart shows, for screen readers.
-    panels : sequence of Panel
+    panels : sequence of Panel or CurvePanel
         From top to bottom.
 
     Returns
@@ -187,7 +190,9 @@ def chart_json(name: str, description: str, panels: Sequence[Panel]) -> Markup:
     """
     content = {
         'name': name, 'description': description,
-        'panels': [_panel(panel) for panel in panels]}
+        'panels': [
+            curve_panel_content(panel) if isinstance(panel, CurvePanel) else _panel(panel)
+            for panel in panels]}
     text = json.dumps(content, ensure_ascii=False, allow_nan=False)
     return Markup(text.replace('<', r'\u003c').replace('>', r'\u003e').replace('&', r'\u0026'))
 
@@ -229,12 +234,12 @@ def _trace(trace: Trace, panel: Panel, abscissas: dict[str, int]) -> dict[str, A
     if panel.log_y:
         y, *band = (np.where(values > 0.0, values, np.nan) for values in (y, *band))
     shown = _shown_points(y)
-    x_text = _base64(x[shown])
+    x_text = as_base64(x[shown])
     return {
         'label': trace.label, 'colour': page_colour(trace.colour), 'style': trace.style,
         'marker': trace.marker, 'width': trace.width_px,
-        'x': abscissas.setdefault(x_text, len(abscissas)), 'y': _base64(y[shown]),
-        'band': [_base64(limit[shown]) for limit in band] or None}
+        'x': abscissas.setdefault(x_text, len(abscissas)), 'y': as_base64(y[shown]),
+        'band': [as_base64(limit[shown]) for limit in band] or None}
 
 
 def _values(values: ArrayLike) -> NDArray[np.float64]:
@@ -255,12 +260,6 @@ def _shown_points(values: NDArray[np.float64]) -> NDArray[np.intp]:
         ~np.isfinite(rows[~np.isfinite(rows).all(axis=1)]), axis=1)
     return np.unique(np.concatenate(
         ([0], least, greatest, gaps, np.arange(whole, values.size), [values.size - 1])))
-
-
-def _base64(values: NDArray[np.float64]) -> str:
-    limit = np.finfo(np.float32).max
-    single = np.clip(np.where(np.isfinite(values), values, np.nan), -limit, limit)
-    return base64.b64encode(single.astype('<f4').tobytes()).decode()
 
 
 def _static(name: str) -> str:

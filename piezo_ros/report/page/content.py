@@ -28,6 +28,7 @@ from matplotlib.figure import Figure
 
 from piezo_ros.report.columns import Column, Value
 from piezo_ros.report.page.chart import Panel
+from piezo_ros.report.page.curve_panel import CurvePanel
 
 __all__ = [
     'Cell',
@@ -42,6 +43,8 @@ __all__ = [
     'Table',
     'Value',
 ]
+
+Panels = Sequence[Panel | CurvePanel]
 
 
 @dataclass(frozen=True)
@@ -150,7 +153,7 @@ class Picture:
         Plain text below the figure; screen readers read it in place of the figure.
     figure : Figure or callable
         The figure, or a function that draws it when the page is written.
-    panels : sequence of Panel or callable
+    panels : sequence of Panel or CurvePanel, or callable
         The same as an interactive chart, or a function that makes it. It takes the place of the
         figure on a screen; the figure is printed, and written as files. Empty without a chart.
 
@@ -159,7 +162,7 @@ class Picture:
     name: str
     caption: str
     figure: Figure | Callable[[], Figure]
-    panels: Sequence[Panel] | Callable[[], Sequence[Panel]] = ()
+    panels: Panels | Callable[[], Panels] = ()
 
 
 @dataclass(frozen=True)

@@ -35,9 +35,17 @@ from piezo_ros.report.figures.voltage import (
 )
 from piezo_ros.report.labels import run_label
 from piezo_ros.report.page.chart import Line, Panel, Trace
+from piezo_ros.report.page.curve_panel import Curve, CurvePanel
 from piezo_ros.report.score import ScoredRun
 
-__all__ = ['error_panels', 'spectrum_panels', 'starts_of', 'tracking_panels', 'voltage_panels']
+__all__ = [
+    'error_panels',
+    'hysteresis_panels',
+    'spectrum_panels',
+    'starts_of',
+    'tracking_panels',
+    'voltage_panels',
+]
 
 _TIME: Final = 'time (ms)'
 _ROW_HEIGHT_PX: Final = 180
@@ -103,6 +111,14 @@ def spectrum_panels(runs: Sequence[ScoredRun]) -> list[Panel]:
             NM_PER_UM * found.amplitude_um, scheme_colour(run.scheme), 'none',
             'open' if number % 2 else 'filled'))
     return [Panel('harmonic of the reference', 'amplitude of the error (nm)', traces, log_y=True)]
+
+
+def hysteresis_panels(runs: Sequence[ScoredRun]) -> list[CurvePanel]:
+    """Return displacement over voltage, one curve for each run."""
+    return [CurvePanel('voltage (V)', 'displacement (µm)', [
+        Curve(run_label(run, runs), run.voltage_v, run.displacement_um,
+              scheme_colour(run.scheme), run_line_style(run, runs), along=run.window_ms)
+        for run in runs], along_label=_TIME)]
 
 
 def _trace(run: ScoredRun, runs: Sequence[ScoredRun], values: NDArray[np.float64]) -> Trace:

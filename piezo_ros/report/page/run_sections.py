@@ -46,6 +46,7 @@ from piezo_ros.report.page.content import (
 from piezo_ros.report.page.rendering import render
 from piezo_ros.report.page.run_charts import (
     error_panels,
+    hysteresis_panels,
     spectrum_panels,
     starts_of,
     tracking_panels,
@@ -239,7 +240,7 @@ def _pictures(case: Case) -> list[Picture]:
                 'operating point; marked where the amplifier slews or is at a rail.',
                 partial(voltage_figure, runs), partial(voltage_panels, runs)),
         Picture(f'hysteresis-{name}', 'Displacement over the voltage at the input of the '
-                'amplifier.', partial(hysteresis_figure, runs))]
+                'amplifier.', partial(hysteresis_figure, runs), partial(hysteresis_panels, runs))]
     starts = starts_of(runs)
     if starts:
         pictures.append(Picture(

@@ -19,6 +19,7 @@ from matplotlib.figure import Figure
 
 from piezo_ros.report.page.chart import Line, Panel, Trace
 from piezo_ros.report.page.content import Fold, Picture, Section
+from piezo_ros.report.page.curve_panel import Curve, CurvePanel
 from piezo_ros.report.page.writer import write_page
 
 pytestmark = needs_browser
@@ -90,3 +91,58 @@ def test_print_shows_the_figure_and_a_phone_needs_no_scrolling_sideways(chromium
     with open_page(chromium, report, width=390, height=844) as page:
         page.wait_for_selector('.uplot canvas')
         assert page.evaluate('document.documentElement.scrollWidth') == 390
+
+
+def loop_picture():
+    around = np.linspace(0.0, 2.0 * np.pi, 200)
+    figure = Figure(figsize=(5, 5))
+    figure.subplots().plot(np.cos(around), np.sin(around))
+    return Picture('loop', 'A circle.', figure, panels=[CurvePanel(
+        'voltage (V)', 'displacement (µm)',
+        [Curve('FF', np.cos(around), np.sin(around), along=around),
+         Curve('points', [2.0], [0.0], '#b54a00', 'none', 'open')],
+        along_label='time (ms)', x_range=(-1.0, 3.0), y_range=(-1.0, 1.0),
+        has_equal_scales=True)])
+
+
+@pytest.fixture(scope='module')
+def loop_report(tmp_path_factory):
+    return write_page(
+        tmp_path_factory.mktemp('loop'), title='Loop', lead=[], software={}, data={}, sections=[
+            Section('a', 'A', [loop_picture()])])
+
+
+def place(page, x, y):
+    """Return where on the screen a point of the panel is."""
+    over = page.locator('.u-over').bounding_box()
+    across, down = page.evaluate(
+        '([x, y]) => { const u = piezoCharts.charts[0].plots[0];'
+        " return [u.valToPos(x, 'x'), u.valToPos(y, 'y')]; }", [x, y])
+    return over['x'] + across, over['y'] + down
+
+
+def test_the_nearest_point_of_a_loop_is_told_and_a_drag_zooms_both_axes(chromium, loop_report):
+    with open_page(chromium, loop_report) as page:
+        page.wait_for_selector('.uplot canvas')
+        readout = page.locator('.readout')
+        assert readout.inner_text() == 'Point at a curve for its values.'
+        page.mouse.move(*place(page, 0.0, 0.98))
+        assert readout.inner_text().startswith('FF: time (ms) 1.5')
+        page.mouse.move(*place(page, 2.02, 0.03))
+        assert readout.inner_text() == 'points: voltage (V) 2, displacement (µm) 0'
+        left, middle, right = (place(page, x, y) for x, y in ((0.0, 0.0), (1.0, 1.0), (2.0, 0.0)))
+        # A unit is as long on one axis as on the other.
+        assert right[0] - middle[0] == pytest.approx(left[1] - middle[1], abs=2.0)
+        page.mouse.move(*left)
+        page.mouse.down()
+        page.mouse.move(*middle, steps=4)
+        page.mouse.up()
+        assert place(page, 1.0, 0.0)[0] - place(page, 0.0, 0.0)[0] > 1.5 * (middle[0] - left[0])
+        page.locator('.chart button').click()
+        assert place(page, 1.0, 1.0) == pytest.approx(middle, abs=2.0)
+        page.set_viewport_size({'width': 390, 'height': 844})
+        page.wait_for_timeout(200)
+        assert page.evaluate('document.documentElement.scrollWidth') == 390
+        origin, across, above = (place(page, x, y) for x, y in ((0, 0), (1, 0), (0, 1)))
+        assert across[0] - origin[0] == pytest.approx(origin[1] - above[1], rel=0.02)
+        assert page.errors == []

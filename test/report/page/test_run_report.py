@@ -89,7 +89,7 @@ def test_every_string_is_escaped(read_page, tmp_path, scored_runs):
         tmp_path, title=evil, runs=[run, scored_runs[1]], software={evil: evil}, notes=[evil],
         plan=evil, command=evil))
     scripts = [attrs.get('type', '') for tag, attrs in page.tags if tag == 'script']
-    assert scripts == ['application/json'] * 2 * 5 + [''] * 3  # five charts of each reference
+    assert scripts == ['application/json'] * 2 * 6 + [''] * 3  # six charts of each reference
     assert '<script>alert' not in page.source
     assert page.misnested == []
     assert page.text.count(evil) >= 7

@@ -149,6 +149,11 @@ const piezoCharts = (() => {
     return {options, data: joined};
   }
 
+  function plotOf({options, data}, element, zoomed) {
+    options.hooks.setSelect = [zoomed];
+    return new uPlot(options, data, element);
+  }
+
   // One picture: its panels below each other, with a common cursor where they share x.
   class Chart {
     constructor(element) {
@@ -171,13 +176,17 @@ const piezoCharts = (() => {
       if (!width || width === this.width) return;
       this.width = width;
       if (!this.plots.length) this.draw();
-      else this.plots.forEach((plot) => plot.setSize({width, height: plot.height}));
+      else this.plots.forEach((plot) => {
+        plot.setSize({width, height: plot.height});
+        // Equal scales are others on axes of another width.
+        if (plot.showWhole) plot.showWhole();
+      });
     }
 
     draw() {
       if (!this.width) return;
       this.plots.forEach((plot) => plot.destroy());
-      this.element.querySelectorAll('.panel-title').forEach((title) => title.remove());
+      this.element.querySelectorAll('.panel-title, .readout').forEach((words) => words.remove());
       this.reset.hidden = true;
       this.element.append(this.reset);
       this.plots = this.content.panels.map((panel) => {
@@ -188,9 +197,10 @@ const piezoCharts = (() => {
           this.element.append(title);
         }
         const syncKey = `${this.content.name}:${panel.x_label}:${panel.log_x}`;
-        const {options, data} = panelPlot(panel, this.width, syncKey);
-        options.hooks.setSelect = [() => { this.reset.hidden = false; }];
-        const plot = new uPlot(options, data, this.element);
+        const zoomed = () => { this.reset.hidden = false; };
+        const plot = panel.kind === 'curves'
+          ? piezoCurves.plot(panel, this.width, this.element, zoomed)
+          : plotOf(panelPlot(panel, this.width, syncKey), this.element, zoomed);
         const picture = plot.root.querySelector('.u-wrap');
         picture.setAttribute('role', 'img');
         picture.setAttribute('aria-label', panel.title
@@ -200,11 +210,14 @@ const piezoCharts = (() => {
     }
   }
 
+  // Of this page, for the console of the browser.
+  const charts = [];
+
   function start() {
-    const charts = Array.from(document.querySelectorAll('.chart'), (element) => new Chart(element));
+    charts.push(...Array.from(document.querySelectorAll('.chart'), (element) => new Chart(element)));
     matchMedia('(prefers-color-scheme: dark)').addEventListener(
       'change', () => charts.forEach((chart) => chart.draw()));
   }
 
-  return {FONT, axis, numberText, pageColour, start};
+  return {DASHES, FONT, axis, charts, numberText, numbers, pageColour, start};
 })();
