@@ -38,7 +38,7 @@ REFUSED = [
     ('compensator', 'saturation_v', '[1.0, 2.0]', ['saturation_v', '11 values', '2;']),
     ('recorder', 'streams', 'voltage,speed', ['streams', "'speed'", 'reference, feedforward']),
     ('controller', 'proportional_gian', '0.5', [
-        "'proportional_gian' of controller, given by -p", "nearest is 'proportional_gain'"]),
+        "'proportional_gian' of controller, given by -p", "did you mean 'proportional_gain'?"]),
 ]
 REFUSED_AS_WELL = [
     ('trajectory', 'amplitude_um', '.nan', ['amplitude_um', 'nan', 'Min: 0.0, Max: 10000.0']),
