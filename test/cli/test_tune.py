@@ -106,7 +106,8 @@ def test_a_bound_of_ones_own_takes_the_place_of_the_published_one(model, tune, t
     code, out, _ = tune(model, '--bound', bound)
     assert code == 0
     assert f'W(s): {bound}' in out
-    assert float(table(out)['max |W T|'][1]) < 1.0
+    # Below 1, else it were refused; the table rounds it.
+    assert float(table(out)['max |W T|'][1]) <= 1.0
     assert 'active limits: uncertainty_limit' in out
 
 
