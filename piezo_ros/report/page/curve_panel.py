@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 """
-Interactive panels of curves whose abscissa is not ascending, such as loops and Nyquist diagrams.
+Interactive panels of curves with an abscissa in any order, such as loops and Nyquist diagrams.
 
 Where the mouse is, the page tells the nearest point of a curve and, where it is given, the value
 that runs along the curve there: time or frequency.
