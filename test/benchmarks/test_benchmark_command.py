@@ -105,6 +105,7 @@ def test_the_list_names_every_group(capsys):
     assert {'yardsticks', 'kernels', 'bag', 'fits'} <= set(out.splitlines())
 
 
+@pytest.mark.slow
 def test_bags_and_fits_are_measured(tmp_path):
     path = tmp_path / 'bench.json'
     assert main([

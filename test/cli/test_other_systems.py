@@ -92,6 +92,7 @@ def test_the_blocker_blocks(python, program):
         ('ModuleNotFoundError', 'AttributeError', 'FileNotFoundError'))
 
 
+@pytest.mark.slow
 def test_simulation_identification_tuning_and_report_need_nothing_of_linux(
         python, models, tmp_path):
     (tmp_path / 'plan.yaml').write_text(PLAN)

@@ -88,6 +88,7 @@ def test_an_output_is_done_again_from_its_own_plan_with_the_same_bytes(write_pla
         tmp_path / 'moved' / 'plan.yaml').title
 
 
+@pytest.mark.slow
 def test_an_output_with_motions_out_of_files_is_done_again_from_itself(
         write_plan, tmp_path, monkeypatch):
     here = tmp_path / 'here'
