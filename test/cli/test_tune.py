@@ -261,9 +261,11 @@ def test_d2_a_stage_of_any_sampling_is_tuned_by_the_file_that_identification_wro
     code, out, err = tune(
         path, '--sample-period-s', period_s, '--bound', 'none', '--plant',
         ROOT / 'config' / 'examples' / 'slow_stage' / 'rig.yaml', '--amplitudes-um', 5.0,
-        '--objective', 'itae_step', points=('--harmonics', 'auto'))
+        '--objective', 'itae_step', '--report', tmp_path / 'page', points=('--harmonics', 'auto'))
     assert (code, err) == (0, '')
     assert out.count(' Hz') > 7
+    assert {'nyquist.svg', 'schemes.svg', 'step.svg'} <= {
+        path.name for path in (tmp_path / 'page' / 'figures').iterdir()}
     assert 'proportional_gain' in output.read_text()
 
 

@@ -69,7 +69,6 @@ def test_few_draws_are_drawn_and_nothing_is_said_of_what_they_depend_on(tmp_path
     assert data['runs'][0]['nrmse_depends_on'] == []
 
 
-@pytest.mark.slow
 def test_many_draws_have_sensitivities(tmp_path):
     page = sweep_page(tmp_path, records(200)).read_text()
     assert 'rank correlation' in page
@@ -94,7 +93,6 @@ def tuned_loop(gain, **changes):
         'scan': 'a sine', 'points': (), 'remarks': ['far'], **changes})
 
 
-@pytest.mark.slow
 def test_tuned_gains_are_drawn_with_measured_points(tmp_path):
     page = write_tuning_page(
         tmp_path, title='Gains', tuned=tuned_loop(0.3), software={}).read_text()
@@ -123,7 +121,6 @@ def test_the_errors_of_a_replay_are_those_of_the_part_that_is_scored():
     assert run.max_voltage_v() == (1.0, 2.0)
 
 
-@pytest.mark.slow
 def test_a_replay_is_drawn_with_its_difference(tmp_path):
     time_s = np.arange(500) * 1e-5
     wave = np.sin(2e3 * time_s)
