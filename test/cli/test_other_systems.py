@@ -53,6 +53,13 @@ for module, name in (
         (os, 'readlink'), (os, 'scandir')):
     setattr(module, name, without_kernel(getattr(module, name)))
 
+# Until Python 3.10 pathlib keeps functions of its own.
+import pathlib
+for name in ('open', 'stat', 'listdir', 'readlink', 'scandir'):
+    accessor = getattr(pathlib, '_NormalAccessor', None)
+    if hasattr(accessor, name):
+        setattr(accessor, name, staticmethod(without_kernel(getattr(accessor, name))))
+
 class OtherLibrary(ctypes.CDLL):
     def __getattr__(self, name):
         if name in ('prctl', 'eventfd', 'sched_setaffinity', 'malloc_trim', 'syscall'):
