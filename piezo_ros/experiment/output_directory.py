@@ -25,7 +25,7 @@ from typing import Any, Final
 
 import yaml
 
-from piezo_ros.control.tables.motion_files import MOTION_KEY, motion_file
+from piezo_ros.experiment.motion_files import MOTION_KEY, motion_file
 from piezo_ros.parameters.errors import PlanError
 from piezo_ros.report.files import write_atomically
 

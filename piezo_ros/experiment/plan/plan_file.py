@@ -21,8 +21,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
-from piezo_ros.control.tables.motion_files import with_motion_files
 from piezo_ros.experiment.model_file import read_accuracy, read_bound
+from piezo_ros.experiment.motion_files import with_motion_files
 from piezo_ros.experiment.plan.automatic import KNOWN_NODES, Known
 from piezo_ros.experiment.plan.entry_keys import refuse_unknown
 from piezo_ros.experiment.plan.hardware_entry import ignored_of_rig, is_of_hardware
