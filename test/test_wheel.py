@@ -22,15 +22,9 @@ import venv
 from pathlib import Path
 
 import pytest
+from short_plan import SHORT_PLAN
 
 REPOSITORY = Path(__file__).resolve().parents[1]
-PLAN = """\
-format_version: 1
-score_periods: 1
-runs:
-- {output: voltage, harmonics: 0, periods: 5, waveform: decreasing_triangle, frequency_hz: 100}
-- {scheme: fbff, periods: 5, frequency_hz: 1000}
-"""
 SWEEP = """\
 format_version: 1
 runs: [{scheme: ff, periods: 5}]
@@ -108,7 +102,7 @@ def test_the_wheel_alone_inits_simulates_identifies_tunes_sweeps_and_reports(ins
         assert done.returncode == 0, done.stdout + done.stderr
         return done.stdout
 
-    (tmp_path / 'plan.yaml').write_text(PLAN)
+    (tmp_path / 'plan.yaml').write_text(SHORT_PLAN)
     (tmp_path / 'sweep.yaml').write_text(SWEEP)
     where = run('python', '-c', 'import piezo_ros; print(piezo_ros.__file__)')
     assert where.startswith(str(installed.parent))

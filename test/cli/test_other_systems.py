@@ -20,6 +20,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from short_plan import SHORT_PLAN
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 # Without what Python has on Linux alone, without timers by signal, limits and /proc.
@@ -69,13 +70,6 @@ class OtherLibrary(ctypes.CDLL):
 ctypes.CDLL = OtherLibrary
 """
 COMMAND = 'from piezo_ros.cli.main import main; sys.exit(main())'
-PLAN = """\
-format_version: 1
-score_periods: 1
-runs:
-- {output: voltage, harmonics: 0, periods: 5, waveform: decreasing_triangle, frequency_hz: 100}
-- {scheme: fbff, periods: 5, frequency_hz: 1000}
-"""
 
 
 @pytest.fixture
@@ -102,7 +96,7 @@ def test_the_blocker_blocks(python, program):
 @pytest.mark.slow
 def test_simulation_identification_tuning_and_report_need_nothing_of_linux(
         python, models, tmp_path):
-    (tmp_path / 'plan.yaml').write_text(PLAN)
+    (tmp_path / 'plan.yaml').write_text(SHORT_PLAN)
 
     def piezo(*arguments):
         done = python(COMMAND, *arguments)

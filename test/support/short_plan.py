@@ -1,0 +1,24 @@
+# Copyright 2026 piezo_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""A plan with something to identify and something to score, done in a moment."""
+
+__all__ = ['SHORT_PLAN']
+
+SHORT_PLAN = """\
+format_version: 1
+score_periods: 1
+runs:
+- {output: voltage, harmonics: 0, periods: 5, waveform: decreasing_triangle, frequency_hz: 100}
+- {scheme: fbff, periods: 5, frequency_hz: 1000}
+"""
