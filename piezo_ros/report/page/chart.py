@@ -30,50 +30,32 @@ import numpy as np
 from markupsafe import Markup
 from numpy.typing import ArrayLike, NDArray
 
-from piezo_ros.report.figures.style import INK, LINE_STYLES
-from piezo_ros.report.page.chart_values import as_base64
-from piezo_ros.report.page.colours import page_colour
 from piezo_ros.report.page.curve_panel import CurvePanel, curve_panel_content
+from piezo_ros.report.page.drawn_line import MARKERS, STYLES, DrawnLine, as_base64
 
 __all__ = ['ChartLibrary', 'Line', 'Panel', 'Trace', 'chart_json', 'chart_library']
 
 # More than a screen has columns of pixels, so that a zoom still shows detail.
 _MOST_POINTS: Final = 6000
-_MARKERS: Final = ('', 'filled', 'open')
 _PANEL_HEIGHT_PX: Final = 260
 
 
 @dataclass(frozen=True)
-class Trace:
+class Trace(DrawnLine):
     """
     One curve of a panel.
 
     Attributes
     ----------
-    label : str
-        Its name in the legend.
     x, y : array_like, shape (N,)
         Abscissa, ascending and finite, and ordinate. A y that is not finite is a gap.
-    colour : str
-        ``'#rrggbb'``. Colours of `piezo_ros.report.figures.style` follow the dark mode.
-    style : str
-        ``'solid'``, ``'dashed'``, ``'dotted'``, ``'dashdot'``, or ``'none'`` for markers alone.
-    marker : str
-        ``''`` (none), ``'filled'`` or ``'open'``.
-    width_px : float
-        Width of the line, pixels.
+    label, colour, style, marker, width_px
+        As of `DrawnLine`.
     band : (array_like, array_like) or None
         Lower and upper limit of a shaded band around the curve, each of shape (N,).
 
     """
 
-    label: str
-    x: ArrayLike
-    y: ArrayLike
-    colour: str = INK
-    style: str = 'solid'
-    marker: str = ''
-    width_px: float = 1.5
     band: tuple[ArrayLike, ArrayLike] | None = None
 
 
@@ -210,14 +192,14 @@ def _panel(panel: Panel) -> dict[str, Any]:
 
 
 def _trace(trace: Trace, panel: Panel, abscissas: dict[str, int]) -> dict[str, Any]:
-    if trace.style not in (*LINE_STYLES, 'none'):
+    if trace.style not in STYLES:
         raise ValueError(
             f'style of trace {trace.label!r} is {trace.style!r}, it must be one of '
-            f'{", ".join((*LINE_STYLES, "none"))}')
-    if trace.marker not in _MARKERS:
+            f'{", ".join(STYLES)}')
+    if trace.marker not in MARKERS:
         raise ValueError(
             f'marker of trace {trace.label!r} is {trace.marker!r}, it must be one of '
-            f'{", ".join(map(repr, _MARKERS))}')
+            f'{", ".join(map(repr, MARKERS))}')
     x, y = _values(trace.x), _values(trace.y)
     band = [] if trace.band is None else [_values(limit) for limit in trace.band]
     if x.ndim != 1 or any(values.shape != x.shape for values in (y, *band)):
@@ -236,9 +218,7 @@ def _trace(trace: Trace, panel: Panel, abscissas: dict[str, int]) -> dict[str, A
     shown = _shown_points(y)
     x_text = as_base64(x[shown])
     return {
-        'label': trace.label, 'colour': page_colour(trace.colour), 'style': trace.style,
-        'marker': trace.marker, 'width': trace.width_px,
-        'x': abscissas.setdefault(x_text, len(abscissas)), 'y': as_base64(y[shown]),
+        **trace.look, 'x': abscissas.setdefault(x_text, len(abscissas)), 'y': as_base64(y[shown]),
         'band': [as_base64(limit[shown]) for limit in band] or None}
 
 

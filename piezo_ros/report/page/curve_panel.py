@@ -26,48 +26,30 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from piezo_ros.report.figures.style import INK, LINE_STYLES
-from piezo_ros.report.page.chart_values import as_base64
-from piezo_ros.report.page.colours import page_colour
+from piezo_ros.report.page.drawn_line import MARKERS, STYLES, DrawnLine, as_base64
 
 __all__ = ['Curve', 'CurvePanel', 'curve_panel_content']
 
 _MOST_POINTS: Final = 4000
-_MARKERS: Final = ('', 'filled', 'open')
 _PANEL_HEIGHT_PX: Final = 340
 
 
 @dataclass(frozen=True)
-class Curve:
+class Curve(DrawnLine):
     """
     One curve of a panel, or a set of markers.
 
     Attributes
     ----------
-    label : str
-        Its name in the legend.
     x, y : array_like, shape (N,)
         The points, in the order in which they are joined. A point that is not finite is a gap.
-    colour : str
-        ``'#rrggbb'``. Colours of `piezo_ros.report.figures.style` follow the dark mode.
-    style : str
-        ``'solid'``, ``'dashed'``, ``'dotted'``, ``'dashdot'``, or ``'none'`` for markers alone.
-    marker : str
-        ``''`` (none), ``'filled'`` or ``'open'``.
-    width_px : float
-        Width of the line, pixels.
+    label, colour, style, marker, width_px
+        As of `DrawnLine`.
     along : array_like, shape (N,), optional
         What runs along the curve, such as the frequency; told where the mouse is.
 
     """
 
-    label: str
-    x: ArrayLike
-    y: ArrayLike
-    colour: str = INK
-    style: str = 'solid'
-    marker: str = ''
-    width_px: float = 1.5
     along: ArrayLike | None = None
 
 
@@ -131,11 +113,11 @@ def curve_panel_content(panel: CurvePanel) -> dict[str, Any]:
 
 
 def _content(curve: Curve) -> dict[str, Any]:
-    if curve.style not in (*LINE_STYLES, 'none') or curve.marker not in _MARKERS:
+    if curve.style not in STYLES or curve.marker not in MARKERS:
         raise ValueError(
             f'style and marker of curve {curve.label!r} are {curve.style!r} and {curve.marker!r}, '
-            f'they must be of {", ".join((*LINE_STYLES, "none"))} and '
-            f'{", ".join(map(repr, _MARKERS))}')
+            f'they must be of {", ".join(STYLES)} and '
+            f'{", ".join(map(repr, MARKERS))}')
     along = [] if curve.along is None else [np.asarray(curve.along, dtype=np.float64)]
     x, y = np.asarray(curve.x, dtype=np.float64), np.asarray(curve.y, dtype=np.float64)
     if x.ndim != 1 or not x.size or any(values.shape != x.shape for values in (y, *along)):
@@ -145,8 +127,7 @@ def _content(curve: Curve) -> dict[str, Any]:
             'shape (N,), N >= 1')
     stride = math.ceil(x.size / _MOST_POINTS)
     return {
-        'label': curve.label, 'colour': page_colour(curve.colour), 'style': curve.style,
-        'marker': curve.marker, 'width': curve.width_px, 'x': as_base64(x[::stride]),
+        **curve.look, 'x': as_base64(x[::stride]),
         'y': as_base64(y[::stride]), 'along': [as_base64(values[::stride]) for values in along]}
 
 

@@ -219,5 +219,5 @@ const piezoCharts = (() => {
       'change', () => charts.forEach((chart) => chart.draw()));
   }
 
-  return {DASHES, FONT, axis, charts, numberText, numbers, pageColour, start};
+  return {BORDERS, DASHES, FONT, axis, charts, numberText, numbers, pageColour, start};
 })();

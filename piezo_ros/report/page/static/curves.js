@@ -151,8 +151,7 @@ const piezoCurves = (() => {
         bind: {dblclick: (u) => () => showWhole(u, panel)},
       },
       legend: {live: false, markers: {
-        width: 3, dash: (u, number) => curves[number - 1].style === 'none'
-          ? 'solid' : curves[number - 1].style.replace('dashdot', 'dashed'),
+        width: 3, dash: (u, number) => piezoCharts.BORDERS[curves[number - 1].style],
       }},
       hooks: {
         draw: [(u) => curves.forEach((curve, number) => drawCurve(u, curve, number))],
