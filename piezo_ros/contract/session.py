@@ -116,6 +116,14 @@ def compared(disturbed: list[float], undisturbed: list[list[float]]) -> Finding:
     return Finding(what, True, f'{len(first)} samples are the same')
 
 
+def _begin_a_group() -> None:
+    """Let a Ctrl-C reach what is started through this process alone, as SIGINT."""
+    # Not a session: Linux shares the processor among these, and the node would yield in vain.
+    os.setpgid(0, 0)
+    # A shell lets what it starts behind its back ignore SIGINT, and that would be inherited.
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 def _interrupted(role: str, command: Sequence[str], settings: CheckSettings) -> list[Finding]:
     with StartedNode(role, command, settings) as started:
         broken_run(
@@ -142,12 +150,9 @@ class StartedNode:
         """Start both."""
         # The command and what it says; gone with the file.
         self._output = tempfile.TemporaryFile()
-        # In a session of its own: a Ctrl-C reaches it through this process. A shell lets what it
-        # starts behind its back ignore SIGINT, and that would be inherited.
         self._process = subprocess.Popen(
             self._command, stdin=subprocess.DEVNULL, stdout=self._output,
-            stderr=subprocess.STDOUT, start_new_session=True,
-            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL))
+            stderr=subprocess.STDOUT, preexec_fn=_begin_a_group)
         try:
             self._probe = Probe(self._namespace, CONTRACTS[self._role].output)
         except BaseException:

@@ -30,7 +30,8 @@ def test_b9_the_five_terminals_of_the_readme_record_a_whole_run(rig, assert_whol
         arguments = words.replace('config/', f'{ROOT}/config/').replace(
             'my_scan', str(rig.directory / 'my_scan')).split()
         # A busy machine starts five interpreters slowly.
-        terminals[name] = rig.start_node(name, *arguments[1:], '-p', 'handshake_timeout_s:=60.0')
+        terminals[name] = rig.start_node(
+            name, *arguments[1:], '-p', 'handshake_timeout_s:=60.0', terminal=True)
     for name, terminal in terminals.items():
         assert terminal.wait() == 0, (name, terminal.output)
     run = read(rig.directory / 'my_scan')

@@ -61,16 +61,27 @@ def _heed_signals():
         signal.signal(number, signal.SIG_DFL)
 
 
-class Process:
-    """A process in a group of its own, its output in a file."""
+def _begin_a_group():
+    _heed_signals()
+    # No session: Linux divides the processor among these first, and nodes yield in vain.
+    os.setpgid(0, 0)
 
-    def __init__(self, arguments, output, environment):
+
+def _begin_a_session():
+    _heed_signals()
+    os.setsid()
+
+
+class Process:
+    """A process in a group of its own, its output in a file; in a session as a terminal has."""
+
+    def __init__(self, arguments, output, environment, terminal=False):
         self._output = output
         with output.open('wb') as file:
             self._popen = subprocess.Popen(
                 [sys.executable, *arguments], stdin=subprocess.DEVNULL, stdout=file,
-                stderr=subprocess.STDOUT, start_new_session=True, env=environment,
-                preexec_fn=_heed_signals)
+                stderr=subprocess.STDOUT, env=environment,
+                preexec_fn=_begin_a_session if terminal else _begin_a_group)
         self.pid = self._popen.pid
 
     @property
@@ -136,11 +147,11 @@ class Rig:
             word for key, value in parameters.items() for word in ('-p', f'{key}:={value}')]
         return self.start_node(name, *words)
 
-    def start_node(self, name, *arguments):
-        """Start one node with some arguments for ROS."""
-        return self._start(
-            'piezo_ros.nodes.executables', name, '--ros-args', '-r', f'__ns:={self.namespace}',
-            *arguments)
+    def start_node(self, name, *arguments, terminal=False):
+        """Start one node with some arguments for ROS, in a session of its own if asked to."""
+        return self._spawn(
+            ['-m', 'piezo_ros.nodes.executables', name, '--ros-args',
+             '-r', f'__ns:={self.namespace}', *arguments], terminal)
 
     def start_process(self, executable, *words):
         """Start one node executable with its whole command line."""
@@ -161,9 +172,9 @@ class Rig:
     def _start(self, *arguments):
         return self._spawn(['-m', *arguments])
 
-    def _spawn(self, arguments):
+    def _spawn(self, arguments, terminal=False):
         output = self.directory / f'output_{len(self._processes)}.txt'
-        process = Process(arguments, output, self.environment)
+        process = Process(arguments, output, self.environment, terminal)
         self._processes.append(process)
         return process
 

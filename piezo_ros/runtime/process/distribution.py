@@ -41,18 +41,24 @@ def name_of_distribution() -> str:
     return _DISTRIBUTIONS.get(version.partition('.')[0], 'unknown')
 
 
-def profiles_of_fastdds() -> tuple[str, Path]:
+def profiles_of_fastdds(*, localhost: bool = False) -> tuple[str, Path]:
     """
     Return the variable in which Fast DDS looks for its profiles, and the file of ours.
 
     Jazzy has Fast DDS 2, which spells some settings otherwise. Fast DDS 3 warns of the variable of
     Fast DDS 2.
+
+    Parameters
+    ----------
+    localhost : bool
+        Whether this machine alone is to find the process.
+
     """
     if name_of_distribution() == 'jazzy':
-        variable, name = 'FASTRTPS_DEFAULT_PROFILES_FILE', 'fastdds2.xml'
+        variable, name = 'FASTRTPS_DEFAULT_PROFILES_FILE', 'fastdds2'
     else:
-        variable, name = 'FASTDDS_DEFAULT_PROFILES_FILE', 'fastdds3.xml'
-    return variable, Path(__file__).with_name(name)
+        variable, name = 'FASTDDS_DEFAULT_PROFILES_FILE', 'fastdds3'
+    return variable, Path(__file__).with_name(name + '_localhost' * localhost + '.xml')
 
 
 def make_events_executor() -> Any:

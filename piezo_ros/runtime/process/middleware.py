@@ -15,7 +15,8 @@
 """Initialises rclpy, with the settings of the middleware that must stand before."""
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 
 import rclpy
 from rclpy.context import Context
@@ -26,15 +27,47 @@ from piezo_ros.runtime.process.ros_environment import check_ros_environment, che
 
 __all__ = ['initialise_rclpy', 'set_middleware_defaults']
 
+_TRANSPORTS = 'FASTDDS_BUILTIN_TRANSPORTS'
+_UDP = 'UDPv4'
+_RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
+_LOCALHOST_ONLY = 'ROS_LOCALHOST_ONLY'  # the older word for it, which overrules the range
+
 
 def set_middleware_defaults() -> None:
     """Set what the user has not set: see fastdds3.xml; other middlewares ignore it."""
     # Shared-memory segments of killed processes make endpoints match without data.
-    os.environ.setdefault('FASTDDS_BUILTIN_TRANSPORTS', 'UDPv4')
-    variable, profiles = profiles_of_fastdds()
+    by_udp = os.environ.setdefault(_TRANSPORTS, _UDP) == _UDP
+    variable, profiles = profiles_of_fastdds(localhost=by_udp and _stays_on_this_machine())
     os.environ.setdefault(variable, str(profiles))
     # An installation sets it, wheels do not; it goes into bags.
     os.environ.setdefault('ROS_DISTRO', name_of_distribution())
+
+
+def _stays_on_this_machine() -> bool:
+    """Return whether this machine alone is to find the process, and nobody names peers to it."""
+    asked = os.environ.get(_RANGE) == 'LOCALHOST' or os.environ.get(_LOCALHOST_ONLY) == '1'
+    return asked and not any(
+        os.environ.get(peers) for peers in ('ROS_STATIC_PEERS', 'ROS_DISCOVERY_SERVER'))
+
+
+@contextmanager
+def _range_of_the_profile() -> Iterator[None]:
+    """Let the profile say who finds the process where it is the one for this machine alone."""
+    variable, profiles = profiles_of_fastdds(localhost=True)
+    by_profile = (
+        'fastrtps' in rclpy.get_rmw_implementation_identifier() and _stays_on_this_machine()
+        and os.environ.get(variable) == str(profiles))
+    given = {name: os.environ.get(name) for name in (_RANGE, _LOCALHOST_ONLY)}
+    if by_profile:
+        os.environ.pop(_LOCALHOST_ONLY, None)
+        os.environ[_RANGE] = 'SYSTEM_DEFAULT'
+    try:
+        yield
+    finally:
+        for name, value in given.items():
+            os.environ.pop(name, None)
+            if value is not None:
+                os.environ[name] = value
 
 
 def initialise_rclpy(arguments: Sequence[str] = (), context: Context | None = None) -> None:
@@ -58,6 +91,7 @@ def initialise_rclpy(arguments: Sequence[str] = (), context: Context | None = No
     """
     set_middleware_defaults()
     check_ros_environment()
-    rclpy.init(
-        args=checked_arguments(arguments), context=context,
-        signal_handler_options=SignalHandlerOptions.NO)
+    with _range_of_the_profile():
+        rclpy.init(
+            args=checked_arguments(arguments), context=context,
+            signal_handler_options=SignalHandlerOptions.NO)

@@ -19,6 +19,7 @@ import re
 import sys
 from importlib import metadata
 from pathlib import Path
+from xml.etree import ElementTree
 
 import pytest
 
@@ -52,6 +53,7 @@ def test_a_sourced_installation_says_it_itself(monkeypatch):
     ('lyrical', VARIABLES[0], 'fastdds3.xml')])
 def test_fast_dds_finds_its_profiles_where_it_looks_for_them(monkeypatch, name, variable, file):
     monkeypatch.setenv('ROS_DISTRO', name)
+    monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'SUBNET')
     for other in VARIABLES:
         # Set and deleted, so that what is set below is taken back afterwards.
         monkeypatch.setenv(other, '')
@@ -77,6 +79,27 @@ def test_both_profiles_hold_the_same_settings():
 
     assert 'heartbeatPeriod' in (NODES / 'fastdds2.xml').read_text()
     assert settings('fastdds2.xml') == settings('fastdds3.xml')
+    assert settings('fastdds2_localhost.xml') == settings('fastdds3_localhost.xml')
+
+
+@pytest.mark.parametrize('name', ['fastdds2', 'fastdds3'])
+def test_the_profile_for_one_machine_has_other_transports_and_addresses_alone(name):
+    plain, localhost = (
+        ElementTree.parse(NODES / f'{name}{ending}.xml').getroot() for ending in ('', '_localhost'))
+    space = '{http://www.eprosima.com}'
+    for parent, of_localhost in (
+            ('profiles', ['transport_descriptors']),
+            ('profiles/participant/rtps', ['userTransports', 'useBuiltinTransports']),
+            ('profiles/participant/rtps/builtin',
+             ['metatrafficUnicastLocatorList', 'initialPeersList'])):
+        node = localhost.find('/'.join(space + tag for tag in parent.split('/')))
+        for tag in of_localhost:
+            node.remove(node.find(space + tag))
+    assert _words(localhost) == _words(plain)
+
+
+def _words(root):
+    return ''.join(ElementTree.tostring(root, 'unicode').split())
 
 
 def test_an_rclpy_without_the_executor_is_told(monkeypatch):
