@@ -54,6 +54,7 @@ def test_the_style_is_that_of_the_project():
     check_with('ruff', 'check', '--output-format=concise')
 
 
+@pytest.mark.timeout(1200)  # half a minute of one processor, of which others may want most
 def test_the_types_hold():
     try:
         stubs = metadata.version('scipy-stubs')
@@ -75,6 +76,7 @@ def newer_names(tmp_path, *paths):
         line for line in done.stdout.splitlines() if re.search(r'Module.* no attribute', line)]
 
 
+@pytest.mark.timeout(1200)
 def test_nothing_newer_than_the_oldest_python_is_used(tmp_path):
     # New syntax is refused by ruff, new names of the standard library only by mypy.
     newer = newer_names(tmp_path)

@@ -101,7 +101,10 @@ class Process:
         waited = RunningTime()
         while waited.elapsed_s() < timeout_s:
             with contextlib.suppress(subprocess.TimeoutExpired):
-                return self._popen.wait(0.1)
+                code = self._popen.wait(0.1)
+                if code < 0:  # what the crash report says, should the test fail
+                    print(f'process {self.pid} died of signal {-code}:\n{self.output}')
+                return code
         return pytest.fail(f'process {self.pid} does not end; it wrote:\n{self.output}')
 
     def wait_for(self, text):

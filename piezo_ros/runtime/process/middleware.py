@@ -44,7 +44,7 @@ def set_middleware_defaults() -> None:
 
 
 def _stays_on_this_machine() -> bool:
-    """Return whether this machine alone is to find the process, and nobody names peers to it."""
+    """Return whether only this machine is to find the process, and no peers are named to it."""
     asked = os.environ.get(_RANGE) == 'LOCALHOST' or os.environ.get(_LOCALHOST_ONLY) == '1'
     return asked and not any(
         os.environ.get(peers) for peers in ('ROS_STATIC_PEERS', 'ROS_DISCOVERY_SERVER'))
@@ -52,7 +52,7 @@ def _stays_on_this_machine() -> bool:
 
 @contextmanager
 def _range_of_the_profile() -> Iterator[None]:
-    """Let the profile say who finds the process where it is the one for this machine alone."""
+    """Let the profile say where the process is found, if it is the one for this machine alone."""
     variable, profiles = profiles_of_fastdds(localhost=True)
     by_profile = (
         'fastrtps' in rclpy.get_rmw_implementation_identifier() and _stays_on_this_machine()
