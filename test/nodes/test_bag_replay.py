@@ -27,6 +27,7 @@ from rosbags.rosbag2 import Reader
 from std_msgs.msg import Float64MultiArray
 
 from piezo_ros.bag import read
+from piezo_ros.runtime.process.middleware import without_shared_memory
 
 # Node -> the streams that are played into it, and the one that it must answer with.
 NODES = {
@@ -48,9 +49,10 @@ class Player:
 
     def __init__(self, rig, bag, streams, *, short_history):
         self._context = Context()
-        rclpy.init(
-            args=[], context=self._context, domain_id=rig.domain,
-            signal_handler_options=SignalHandlerOptions.NO)
+        with without_shared_memory():
+            rclpy.init(
+                args=[], context=self._context, domain_id=rig.domain,
+                signal_handler_options=SignalHandlerOptions.NO)
         self._node = rclpy.create_node('player', context=self._context)
         self._messages = []
         self.publishers = {}

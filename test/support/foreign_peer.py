@@ -30,6 +30,8 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension, String
 
+from piezo_ros.runtime.process.middleware import without_shared_memory
+
 UNITS = {
     'reference': 'um', 'feedforward': 'um', 'command': 'um', 'voltage': 'v', 'displacement': 'um'}
 PERIOD_S = 1e-5
@@ -55,9 +57,11 @@ class Peer:
 
     def __init__(self, rig, until):
         self._context = Context()
-        rclpy.init(
-            args=[], context=self._context, domain_id=rig.domain,
-            signal_handler_options=SignalHandlerOptions.NO)
+        # Shared memory that killed processes have left would keep it from hearing the nodes.
+        with without_shared_memory():
+            rclpy.init(
+                args=[], context=self._context, domain_id=rig.domain,
+                signal_handler_options=SignalHandlerOptions.NO)
         self.node = rclpy.create_node('foreign', namespace=rig.namespace, context=self._context)
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self.node)

@@ -25,7 +25,7 @@ from rclpy.signals import SignalHandlerOptions
 from piezo_ros.runtime.process.distribution import name_of_distribution, profiles_of_fastdds
 from piezo_ros.runtime.process.ros_environment import check_ros_environment, checked_arguments
 
-__all__ = ['initialise_rclpy', 'set_middleware_defaults']
+__all__ = ['initialise_rclpy', 'set_middleware_defaults', 'without_shared_memory']
 
 _TRANSPORTS = 'FASTDDS_BUILTIN_TRANSPORTS'
 _UDP = 'UDPv4'
@@ -51,14 +51,14 @@ def _stays_on_this_machine() -> bool:
 
 
 @contextmanager
-def _range_of_the_profile() -> Iterator[None]:
-    """Let the profile say where the process is found, if it is the one for this machine alone."""
+def without_shared_memory() -> Iterator[None]:
+    """Let Fast DDS do without shared memory in the contexts of rclpy that are initialised here."""
+    set_middleware_defaults()
     variable, profiles = profiles_of_fastdds(localhost=True)
-    by_profile = (
-        'fastrtps' in rclpy.get_rmw_implementation_identifier() and _stays_on_this_machine()
-        and os.environ.get(variable) == str(profiles))
     given = {name: os.environ.get(name) for name in (_RANGE, _LOCALHOST_ONLY)}
-    if by_profile:
+    if (_stays_on_this_machine() and os.environ.get(variable) == str(profiles)
+            and 'fastrtps' in rclpy.get_rmw_implementation_identifier()):
+        # The profile says where the process is found; the middleware shall make no transports.
         os.environ.pop(_LOCALHOST_ONLY, None)
         os.environ[_RANGE] = 'SYSTEM_DEFAULT'
     try:
@@ -89,9 +89,8 @@ def initialise_rclpy(arguments: Sequence[str] = (), context: Context | None = No
         If rclpy refuses the arguments: there is no such parameter file, for instance.
 
     """
-    set_middleware_defaults()
     check_ros_environment()
-    with _range_of_the_profile():
+    with without_shared_memory():
         rclpy.init(
             args=checked_arguments(arguments), context=context,
             signal_handler_options=SignalHandlerOptions.NO)
