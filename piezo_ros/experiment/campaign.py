@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import Any
 
 from piezo_ros.bag import BagError, open_recording
+from piezo_ros.experiment.motion_files import with_copied_motions
 from piezo_ros.experiment.output_directory import keep_plan
 from piezo_ros.experiment.plan import Plan
 from piezo_ros.interruption import interruptible
@@ -84,7 +85,7 @@ def run_campaign(
     """
     from piezo_ros.report.page.run_report import write_report
 
-    plan_text = keep_plan(plan.path, directory)
+    plan_copy = keep_plan(plan.path, directory)
     scored: list[ScoredRun] = []
     notes = list(plan.notes)
     predictions: dict[str, dict[str, Any]] = {}
@@ -93,7 +94,7 @@ def run_campaign(
         announce(f'[{number}/{len(plan.runs)}] {planned.description}')
         bag = directory / 'bags' / planned.name
         try:
-            result = run(planned, bag)
+            result = run(with_copied_motions(planned, plan_copy.files), bag)
             if not planned.bare:  # it follows no reference
                 scored.append(_scored(plan, directory, bag, result))
         except (CampaignError, BagError, OSError) as error:
@@ -114,7 +115,7 @@ def run_campaign(
             with interruptible():
                 report = write_report(
                     directory, title=plan.title, runs=scored, software=software_versions(),
-                    notes=notes, predictions=predictions, plan=plan_text,
+                    notes=notes, predictions=predictions, plan=plan_copy.text,
                     command=' '.join(['piezo', *sys.argv[1:]]))
         except OSError as error:
             words = [] if failure is None else [str(failure)]

@@ -15,10 +15,15 @@
 """Where the motion files are that the runs of a plan name."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
-__all__ = ['MOTION_KEY', 'motion_file', 'with_motion_files']
+from piezo_ros.control.changes import changes_text
+from piezo_ros.control.tables.table_changes import table_changes_entry
+from piezo_ros.parameters.run import PlannedRun
+
+__all__ = ['MOTION_KEY', 'motion_file', 'with_copied_motions', 'with_motion_files']
 
 MOTION_KEY: Final = 'file'
 
@@ -64,3 +69,27 @@ def with_motion_files(folder: Path, entry: Mapping[str, Any]) -> dict[str, Any]:
         else:
             found[key] = value
     return found
+
+
+def with_copied_motions(run: PlannedRun, copies: Mapping[str, Path]) -> PlannedRun:
+    """
+    Return a run that plays the copies of its motion files.
+
+    Parameters
+    ----------
+    run : PlannedRun
+        The run.
+    copies : mapping of str to Path
+        Motion files to their copies; others are played where they are.
+
+    """
+    trajectory = run.trajectory
+    if not trajectory.file:
+        return run
+    changes = [
+        change._replace(file=str(copies.get(change.file, change.file)))
+        for change in trajectory.table_changes]
+    return replace(run, parameters={**run.parameters, 'trajectory': {
+        **run.parameters['trajectory'],
+        'file': str(copies.get(trajectory.file, trajectory.file)),
+        'file_changes': changes_text(map(table_changes_entry, changes))}})

@@ -33,6 +33,7 @@ from piezo_ros.control.closed_loop import run_loop, target_of
 from piezo_ros.model import HysteresisParameters, RigParameters
 from piezo_ros.parameters.errors import CampaignError
 from piezo_ros.parameters.parameter_file import parameters_yaml
+from piezo_ros.parameters.portable_files import told_from_bag
 from piezo_ros.parameters.provenance import run_metadata
 from piezo_ros.parameters.run import PlannedRun, RunResult
 
@@ -114,7 +115,7 @@ def write_run(
 
     """
     period_s = planned.trajectory.sample_period_s
-    parameters = {node: planned.parameters[node] for node in planned.nodes}
+    parameters = told_from_bag(bag, {node: planned.parameters[node] for node in planned.nodes})
     topics = {stream: f'/{stream}' for stream in streams}
     with BagWriter(bag, topics=topics, metadata=run_metadata(parameters)) as writer:
         writer.attach_parameters(parameters_yaml('/', parameters))

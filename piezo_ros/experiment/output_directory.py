@@ -19,25 +19,41 @@ It can be done again from itself: its plan has the files that it names beside it
 """
 
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import yaml
 
 from piezo_ros.experiment.motion_files import MOTION_KEY, motion_file
 from piezo_ros.parameters.errors import PlanError
+from piezo_ros.parameters.portable_files import OUTPUT_MARKER
 from piezo_ros.report.files import write_atomically
 
-__all__ = ['copy_plan', 'keep_plan', 'prepare_directory']
+__all__ = ['PlanCopy', 'copy_plan', 'keep_plan', 'prepare_directory']
 
-# Only what bears this name is ever deleted: a plan.yaml of the user's own may lie anywhere.
-_MARKER: Final = '.piezo_output'
 _PLAN_COPY: Final = 'plan.yaml'
 _FILES_BELOW: Final = 'plan_files'
 # Keys of a plan of which the values are files, named from the folder of the plan.
 _FILE_KEYS: Final = (
     'parameter_files', 'known_rig_files', 'model_rig_files', 'uncertainty_bound_file', MOTION_KEY)
+
+
+class PlanCopy(NamedTuple):
+    """
+    The copy of a plan.
+
+    Attributes
+    ----------
+    text : str
+        Its text.
+    files : mapping of str to Path
+        The files that the plan names, as found from its folder, to their copies.
+
+    """
+
+    text: str
+    files: Mapping[str, Path]
 
 
 def prepare_directory(directory: Path, *, force: bool) -> None:
@@ -57,19 +73,20 @@ def prepare_directory(directory: Path, *, force: bool) -> None:
         If the directory exists and may not be replaced.
 
     """
+    # Only what is marked is ever deleted: a plan.yaml of the user's own may lie anywhere.
     if directory.exists() and (not directory.is_dir() or any(directory.iterdir())):
         if not force:
             raise PlanError(f'{directory} exists; --force replaces it')
-        if not (directory / _MARKER).is_file():
+        if not (directory / OUTPUT_MARKER).is_file():
             raise PlanError(
-                f'{directory} exists and is no earlier output (it has no {_MARKER}); '
+                f'{directory} exists and is no earlier output (it has no {OUTPUT_MARKER}); '
                 'it is not replaced')
         shutil.rmtree(directory)
     directory.mkdir(parents=True, exist_ok=True)
-    (directory / _MARKER).touch()
+    (directory / OUTPUT_MARKER).touch()
 
 
-def keep_plan(source: Path, directory: Path) -> str:
+def keep_plan(source: Path, directory: Path) -> PlanCopy:
     """
     Copy a plan to the output made from it, as plan.yaml, with the files that it names.
 
@@ -82,11 +99,6 @@ def keep_plan(source: Path, directory: Path) -> str:
     directory : Path
         The output directory.
 
-    Returns
-    -------
-    str
-        The text of the copy, for the report.
-
     Raises
     ------
     OSError
@@ -96,9 +108,9 @@ def keep_plan(source: Path, directory: Path) -> str:
     return copy_plan(source, directory / _PLAN_COPY, _FILES_BELOW)
 
 
-def copy_plan(source: Path, copy: Path, files_below: str) -> str:
+def copy_plan(source: Path, copy: Path, files_below: str) -> PlanCopy:
     """
-    Copy a plan and the files that it names; return the text of the copy.
+    Copy a plan and the files that it names.
 
     Parameters
     ----------
@@ -119,6 +131,7 @@ def copy_plan(source: Path, copy: Path, files_below: str) -> str:
     root = yaml.compose(text, Loader=yaml.SafeLoader)
     taken: dict[str, Path] = {copy.name: source} if not files_below else {}
     replaced: list[tuple[int, int, str]] = []
+    copies: dict[str, Path] = {}
     for key, node in _file_nodes(root):
         name = str(node.value)
         file = motion_file(source.parent, name) if key == MOTION_KEY else source.parent / name
@@ -126,8 +139,9 @@ def copy_plan(source: Path, copy: Path, files_below: str) -> str:
             continue
         name = _free_name(file, taken)
         taken[name] = file
-        if (copy.parent / files_below / name).resolve() != file.resolve():
-            write_atomically(copy.parent / files_below / name, file.read_bytes())
+        copies[str(file)] = (copy.parent / files_below / name).resolve()
+        if copies[str(file)] != file.resolve():
+            write_atomically(copies[str(file)], file.read_bytes())
         replaced.append((
             node.start_mark.index, node.end_mark.index,
             name if not files_below else f'{files_below}/{name}'))
@@ -135,7 +149,7 @@ def copy_plan(source: Path, copy: Path, files_below: str) -> str:
         text = f'{text[:start]}{_scalar(name)}{text[end:]}'
     text += _title_of(root, source)
     write_atomically(copy, text)
-    return text
+    return PlanCopy(text, copies)
 
 
 def _file_nodes(node: Any) -> Iterator[tuple[str, Any]]:

@@ -74,8 +74,8 @@ class Recorder(LoopNode):
         self._pending: list[tuple[str, bytes]] = []
         self._peers = PeerParameters(self, self._parameter_client)
         self._description = RunDescription(
-            self.get_namespace(), self._recording.parameters_file, self._peers, self._device,
-            self._recording.bag_namespace)
+            self._directory, self.get_namespace(), self._recording.parameters_file, self._peers,
+            self._device, self._recording.bag_namespace)
         self._is_described = False
 
     def _parameter_client(self, name: str) -> AsyncParameterClient:

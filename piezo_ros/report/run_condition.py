@@ -102,7 +102,7 @@ def _percent_text(percent: float) -> str:
 def run_condition(
     parameters: Mapping[str, Mapping[str, Any]], *, reference_um: NDArray[np.float64],
     displacement_um: NDArray[np.float64], voltage_v: NDArray[np.float64], frequency_hz: float,
-    sample_period_s: float, scored_periods: float, scored_samples: int,
+    sample_period_s: float, scored_periods: float, scored_samples: int, samples: int,
 ) -> RunCondition:
     """
     Return the condition of a run.
@@ -121,6 +121,8 @@ def run_condition(
         Periods that are scored.
     scored_samples : int
         How many of the samples, at the end, are scored.
+    samples : int
+        Length of the run.
 
     """
     roles = parameters_by_role(parameters)
@@ -138,7 +140,7 @@ def run_condition(
     if is_stable is not False and (
             slewing_percent or rail_percent
             or _is_conspicuous(reference_um[scored], displacement_um[scored], scored_periods)
-            or (found is not None and not found.is_settled)) and _has_unstable_loop(roles):
+            or (found is not None and not found.is_settled)) and _has_unstable_loop(roles, samples):
         is_stable = False
     return RunCondition(
         slewing_percent, rail_percent, None if found is None else found.change_percent,
@@ -160,7 +162,7 @@ def _is_conspicuous(
         nrmse_percent > _HIGH_NRMSE_PERCENT and high_share > _HIGH_SHARE)
 
 
-def _has_unstable_loop(roles: Mapping[str, Mapping[str, Any]]) -> bool:
+def _has_unstable_loop(roles: Mapping[str, Mapping[str, Any]], samples: int) -> bool:
     """Return whether the loop of the gains and dynamics of a run is known to be unstable."""
     if not {'controller', 'trajectory'} <= roles.keys():
         return False
@@ -168,7 +170,7 @@ def _has_unstable_loop(roles: Mapping[str, Mapping[str, Any]]) -> bool:
         trajectory = TrajectoryParameters.among(roles['trajectory'])
         law = segments(
             ControllerParameters.among(roles['controller']),
-            parse_changes(roles['controller'].get('changes', '')), trajectory.samples)[-1].law
+            parse_changes(roles['controller'].get('changes', '')), samples)[-1].law
     except ValueError:  # of foreign nodes
         return False
     if not law.uses_feedback:

@@ -227,7 +227,7 @@ def score(
         condition=run_condition(
             run.parameters, **streams, frequency_hz=frequency_hz,
             sample_period_s=run.sample_period_s, scored_periods=periods,
-            scored_samples=reference_um.size),
+            scored_samples=reference_um.size, samples=run.start_index + run.samples),
         setup=run_setup(run, scheme),
         start=run_start(run, frequency_hz, before=window.start))
 

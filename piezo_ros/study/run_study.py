@@ -69,7 +69,7 @@ def run_study(
         If a run does not come to its end; the bags of those before it stay.
 
     """
-    plan_text = keep_plan(plan.path, directory)
+    plan_text = keep_plan(plan.path, directory).text
     runs = StudyRuns(directory, run, announce, RUNS)
     results = run_experiments(plan.base, runs.each)
     write_models(directory, results.hysteresis, results.dynamics, results.tuning)

@@ -49,8 +49,8 @@ def synthetic_run(
             **{name: getattr(run, name)[start:stop] for name in arrays})
 
     run = SimpleNamespace(
-        samples=samples, sample_period_s=sample_period_s, metadata=values, parameters={},
-        path=Path('no-bag'), part=part, **arrays)
+        samples=samples, start_index=start_index, sample_period_s=sample_period_s,
+        metadata=values, parameters={}, path=Path('no-bag'), part=part, **arrays)
     return run
 
 

@@ -66,6 +66,19 @@ def test_the_condition_of_further_runs(scored, entry, begin):
     test_the_condition_of_a_simulated_run(scored, entry, begin)
 
 
+def test_the_loop_of_a_run_is_known_without_its_motion_file(scored, tmp_path):
+    file = tmp_path / 'wave.csv'
+    wave_um = 0.5 * np.sin(np.linspace(0.0, 2.0 * np.pi, 2000, endpoint=False))
+    file.write_text('# repeat_from: 0\nreference_um\n' + '\n'.join(map(repr, wave_um.tolist())))
+    entry = {
+        'scheme': 'fbff', 'frequency_hz': 50, 'waveform': 'file', 'file': str(file), 'periods': 6,
+        'harmonics': 0, 'ramp_periods': 1, 'controller': {'proportional_gain': 3.0}}
+    assert scored(entry).condition.is_stable is False
+    file.unlink()
+    again = score(read(tmp_path / 'bag'), periods=4, bag='bag', wall_seconds=1.0)
+    assert again.condition.is_stable is False
+
+
 def test_one_period_is_not_called_settled(scored):
     run = scored({'scheme': 'fb', 'periods': 1}, periods=1)
     assert run.condition.is_settled is None

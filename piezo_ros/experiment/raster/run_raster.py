@@ -94,7 +94,7 @@ def run_raster(
     """
     motions = RasterMotions(directory / 'motions')
     ready = [motions.ready(scan) for scan in plan.scans]
-    plan_text = keep_plan(plan.path, directory)
+    plan_text = keep_plan(plan.path, directory).text
     images: list[ScannedImage] = []
     records: list[ScanRecord] = []
     notes: list[str] = []

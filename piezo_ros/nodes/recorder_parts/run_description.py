@@ -23,6 +23,7 @@ from piezo_ros.nodes.recorder_parts.device_status import DeviceStatus
 from piezo_ros.nodes.recorder_parts.peer_parameters import PeerParameters
 from piezo_ros.parameters.node_parameters import LOOP_NODES
 from piezo_ros.parameters.parameter_file import parameters_yaml, read_parameter_file
+from piezo_ros.parameters.portable_files import told_from_bag
 from piezo_ros.parameters.provenance import run_metadata
 from piezo_ros.parameters.role_parameters import full_name, moved_name
 from piezo_ros.parameters.roles import parameters_by_role
@@ -36,6 +37,8 @@ class RunDescription:
 
     Parameters
     ----------
+    bag : Path
+        Directory of the bag.
     namespace : str
         Namespace of the nodes.
     parameters_file : str
@@ -50,9 +53,10 @@ class RunDescription:
     """
 
     def __init__(
-        self, namespace: str, parameters_file: str, peers: PeerParameters,
+        self, bag: Path, namespace: str, parameters_file: str, peers: PeerParameters,
         device: DeviceStatus | None = None, bag_namespace: str = '',
     ) -> None:
+        self._bag = bag
         self._namespace = namespace
         self._parameters_file = parameters_file
         self._bag_namespace = bag_namespace
@@ -71,7 +75,8 @@ class RunDescription:
 
     def contents(self) -> tuple[dict[str, str], str]:
         """Return the metadata of the run and the parameters of all nodes, as far as known."""
-        parameters = {**self._filed_parameters(), **self._peers.parameters}
+        parameters = told_from_bag(
+            self._bag, {**self._filed_parameters(), **self._peers.parameters})
         lost = self._uncertain(parameters)
         self._written |= parameters.keys()
         metadata = run_metadata(parameters_by_role(parameters))

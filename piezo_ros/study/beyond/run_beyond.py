@@ -68,7 +68,7 @@ def run_beyond(
         If a run does not come to its end; the bags of those before it stay.
 
     """
-    plan_text = keep_plan(plan.path, directory)
+    plan_text = keep_plan(plan.path, directory).text
     runs = StudyRuns(directory, run, announce, RUNS)
     results = run_beyond_experiments(plan.base, runs.each, runs.one, directory)
     write_models(directory, results.hysteresis, results.dynamics)

@@ -15,6 +15,7 @@
 """A recorder beside nodes of the same full name: no foreign parameters, and the run goes on."""
 
 import signal
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -115,7 +116,7 @@ def test_a_second_server_is_a_twin_before_its_name_is_known(peers, client, trans
 def test_parameters_that_were_told_before_a_twin_came_to_light_do_not_count(
     peers, client, transport,
 ):
-    description = RunDescription('/rig', '', peers)
+    description = RunDescription(Path('bag'), '/rig', '', peers)
     peers.complete()
     client.answer()
     assert peers.complete()
@@ -131,7 +132,7 @@ def test_parameters_that_were_told_before_a_twin_came_to_light_do_not_count(
 
 def test_a_twin_that_goes_leaves_no_doubt(peers, client, transport):
     transport.foreign_nodes = [TWIN]
-    description = RunDescription('/rig', '', peers)
+    description = RunDescription(Path('bag'), '/rig', '', peers)
     peers.complete()
     assert description.contents()[0]['lost'] == (
         'the parameters of /rig/plant are not recorded: 2 nodes have this name')
@@ -159,7 +160,7 @@ def test_a_parameter_file_is_certain(peers, transport, tmp_path):
     file = tmp_path / 'parameters.yaml'
     file.write_text('/rig/plant: {ros__parameters: {seed: 9}}')
     peers.complete()
-    metadata, parameters = RunDescription('/rig', str(file), peers).contents()
+    metadata, parameters = RunDescription(Path('bag'), '/rig', str(file), peers).contents()
     assert 'lost' not in metadata
     assert 'seed: 9' in parameters
 
