@@ -16,7 +16,8 @@
 
 import dataclasses
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -33,6 +34,7 @@ __all__ = [
     'check_given',
     'given_arguments',
     'is_launched_by',
+    'misspelt_configurations',
     'value_text',
 ]
 
@@ -56,6 +58,8 @@ _TRUE_FALSE: Final = ('true', 'false')
 _OF_LAUNCH: Final = (
     'emulate_tty', 'launch-prefix', 'launch-prefix-filter', 'sigkill_timeout', 'sigterm_timeout')
 _ASSIGNS: Final = ':='
+# How near to an argument a name must be to be meant for it (difflib's ratio).
+_NEAR: Final = 0.85
 
 
 class LaunchArgument(NamedTuple):
@@ -195,3 +199,36 @@ def check_given(launch_file: Path, words: Sequence[str]) -> None:
             raise PlanError(
                 f'{launch_file}: unknown argument {word}; allowed are {", ".join(allowed)}'
                 f'{did_you_mean(name, allowed)}')
+
+
+def misspelt_configurations(launch_file: str, names: Iterable[str]) -> dict[str, str]:
+    """
+    Return launch configurations that are probably misspelt arguments of an included launch file.
+
+    What an include gives it cannot be told from what the launch files around it have for
+    themselves, so that a name counts only if it is very near to an argument that is not set.
+
+    Parameters
+    ----------
+    launch_file : str
+        One of `LAUNCH_FILES`.
+    names : iterable of str
+        The configurations that are set where it is included.
+
+    Returns
+    -------
+    dict of str to str
+        Name to the argument that was probably meant.
+
+    Examples
+    --------
+    >>> misspelt_configurations('scan.launch.py', ['frequncy_hz', 'scheme', 'rig_name'])
+    {'frequncy_hz': 'frequency_hz'}
+
+    """
+    given = [*names]
+    arguments = [argument.name for argument in LAUNCH_FILES[launch_file]]
+    missing = [name for name in arguments if name not in given]
+    return {
+        name: nearest[0] for name in given if name not in arguments
+        and (nearest := get_close_matches(name, missing, n=1, cutoff=_NEAR))}

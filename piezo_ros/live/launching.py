@@ -32,6 +32,7 @@ from piezo_ros.launching.arguments import (
     check_given,
     given_arguments,
     is_launched_by,
+    misspelt_configurations,
 )
 from piezo_ros.launching.processes import node_processes, reason_to_end
 
@@ -60,6 +61,12 @@ def describe(launch_file: Path) -> LaunchDescription:
         # What is given to a launch file that includes this one may be for itself alone.
         if is_launched_by(sys.argv, PACKAGE, launch_file):
             check_given(launch_file, [*context.argv])
+            return
+        misspelt = misspelt_configurations(launch_file.name, context.launch_configurations)
+        for name, meant in misspelt.items():
+            get_logger(PACKAGE).warning(
+                f'{launch_file.name}: {name} is no argument of it and changes nothing; did you '
+                f'mean {meant!r}?')
 
     def start(context: LaunchContext) -> list[Any]:
         values = {name: context.launch_configurations[name] for name, *_ in arguments}

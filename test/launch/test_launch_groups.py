@@ -277,6 +277,16 @@ def test_a_misspelt_argument_of_the_launch_file_itself_starts_nothing(launched):
     assert ' began' not in said
 
 
+def test_a_misspelt_argument_of_an_include_is_told(launched):
+    launch = launched(
+        "GroupAction([include('scan', namespace='one', record='true', frequncy_hz='500')])")
+    launch.wait_for(
+        "scan.launch.py: frequncy_hz is no argument of it and changes nothing; did you mean "
+        "'frequency_hz'?", *all_of('_one', 'began'))
+    launch.end('_one', 'recorder', 0)
+    assert is_clean(launch.wait())
+
+
 def test_arguments_of_an_enclosing_launch_file_are_its_own(launched):
     launch = launched(
         "include('scan', namespace=LaunchConfiguration('rig_name'), record='true')",

@@ -24,6 +24,7 @@ from piezo_ros.launching.arguments import (
     check_given,
     given_arguments,
     is_launched_by,
+    misspelt_configurations,
 )
 from piezo_ros.launching.processes import node_processes, reason_to_end
 from piezo_ros.model import ParameterError
@@ -267,3 +268,16 @@ def test_only_what_is_given_to_the_launch_file_itself_is_judged(tmp_path, words,
     line = [
         word.format(folder=folder, linked=tmp_path / 'linked', other=other) for word in words]
     assert is_launched_by(['ros2', *line], 'piezo_ros', folder / 'scan.launch.py') is itself
+
+
+@pytest.mark.parametrize(('names', 'misspelt'), [
+    (['frequncy_hz', 'scheme'], {'frequncy_hz': 'frequency_hz'}),
+    (['Frequency_hz'], {'Frequency_hz': 'frequency_hz'}),
+    (['sample_period', 'amplitude'], {
+        'sample_period': 'sample_period_s', 'amplitude': 'amplitude_um'}),
+    (['sample_period', 'sample_period_s'], {}),  # of the launch file around it, and handed on
+    (['rig', 'rig_name', 'log', 'use_sim_time', 'world'], {}),
+    ([argument.name for argument in LAUNCH_FILES['scan.launch.py']], {}),
+])
+def test_only_what_is_near_to_an_argument_that_is_not_set_is_taken_for_misspelt(names, misspelt):
+    assert misspelt_configurations('scan.launch.py', names) == misspelt
