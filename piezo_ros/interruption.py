@@ -22,7 +22,6 @@ may be code that catches everything, and the command would go on as if nothing h
 import errno
 import os
 import signal
-import termios
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -138,6 +137,7 @@ def stopped_by(interrupt: KeyboardInterrupt) -> str:
 
 def leave_closed_terminal() -> None:
     """Write nowhere in place of a terminal that is gone, where every write would fail."""
+    import termios  # not on Windows, where the commands without ROS run too
     for number in _TERMINAL_FILES:
         try:
             termios.tcgetattr(number)

@@ -36,7 +36,8 @@ for module, names in {
     for name in names:
         if hasattr(module, name):
             delattr(module, name)
-sys.modules['resource'] = None
+for module in 'resource', 'termios', 'fcntl', 'pwd', 'grp', 'pty', 'tty':
+    sys.modules[module] = None
 
 def is_of_kernel(path):
     return isinstance(path, (str, bytes, os.PathLike)) and os.fsdecode(path).startswith(
@@ -83,7 +84,8 @@ def python(tmp_path):
 
 
 @pytest.mark.parametrize('program', [
-    'import resource', 'os.sched_getaffinity(0)', 'signal.setitimer(signal.ITIMER_REAL, 1.0)',
+    'import resource', 'import termios', 'os.sched_getaffinity(0)',
+    'signal.setitimer(signal.ITIMER_REAL, 1.0)',
     "open('/proc/self/status')", "import pathlib; pathlib.Path('/proc/meminfo').read_text()",
     "os.listdir('/sys/devices')", 'ctypes.CDLL(None).prctl(1, 2)'])
 def test_the_blocker_blocks(python, program):
