@@ -28,6 +28,11 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import Final, TypeGuard
 
+try:
+    import termios
+except ImportError:  # on Windows, where the commands without ROS run too
+    termios = None  # type: ignore[assignment]
+
 __all__ = [
     'STOP_SIGNALS',
     'Interruption',
@@ -137,7 +142,8 @@ def stopped_by(interrupt: KeyboardInterrupt) -> str:
 
 def leave_closed_terminal() -> None:
     """Write nowhere in place of a terminal that is gone, where every write would fail."""
-    import termios  # not on Windows, where the commands without ROS run too
+    if termios is None:
+        return
     for number in _TERMINAL_FILES:
         try:
             termios.tcgetattr(number)

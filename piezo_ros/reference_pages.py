@@ -87,7 +87,8 @@ def launch_page() -> str:
         'a lifecycle manager or `ros2 lifecycle set`.',
         'Parameter files are by default those in `config/`.',
         'An argument that the file does not declare is refused on the command line; launch itself',
-        'ignores it, as it still does where the file is included in another one.', '', *_INCLUDED]
+        'ignores it. Where the file is included, the log warns of names that are nearly its own.',
+        '', *_INCLUDED]
     for file, arguments in LAUNCH_FILES.items():
         lines += ['', f'## {file}', '', *_launch_table(arguments)]
     return '\n'.join([*lines, ''])

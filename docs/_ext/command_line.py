@@ -19,7 +19,7 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
-from piezo_ros.cli.main import COMMANDS, argument_parser
+from piezo_ros.cli.shared.command_line import COMMANDS, argument_parser
 
 PAGE = Path('generated', 'command-line.rst')
 COLUMNS = 80

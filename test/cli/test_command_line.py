@@ -19,7 +19,8 @@ import sys
 
 import pytest
 
-from piezo_ros.cli.main import COMMANDS, main
+from piezo_ros.cli.main import main
+from piezo_ros.cli.shared.command_line import COMMANDS
 
 # Prints what of the large libraries the help has imported.
 HELP = """\
@@ -60,3 +61,32 @@ def test_help_imports_no_command():
     done = subprocess.run(
         [sys.executable, '-c', HELP], capture_output=True, text=True, check=True)
     assert done.stderr.split() == ['imported:']
+
+
+# Sends itself SIGINT where Python can but drop the exception: in what an import does at its end.
+INTERRUPTED = """\
+import os, runpy, signal, sys
+
+def interrupt(frame, event, argument):
+    global first
+    code = frame.f_code
+    if first and event == 'call' and code.co_name == 'cb' and 'importlib' in code.co_filename and (
+            'piezo_ros.cli.shared.command_line' in sys.modules):
+        first = False
+        os.kill(os.getpid(), signal.SIGINT)
+
+first = True
+signal.signal(signal.SIGINT, signal.default_int_handler)
+sys.argv[1:] = ['run', '--help']
+sys.setprofile(interrupt)
+runpy.run_module('piezo_ros.cli.main', run_name='__main__')
+"""
+
+
+def test_ctrl_c_is_not_lost_while_the_command_is_imported():
+    done = subprocess.run(
+        [sys.executable, '-c', INTERRUPTED], capture_output=True, text=True, check=False)
+    assert 'Exception ignored' in done.stderr
+    assert done.stderr.endswith('piezo: stopped by SIGINT\n')
+    assert done.returncode == 1
+    assert not done.stdout

@@ -20,7 +20,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from piezo_ros.cli.main import argument_parser
+from piezo_ros.cli.shared.command_line import argument_parser
 from piezo_ros.experiment.plan import read_plan
 from piezo_ros.experiment.plan.hardware_entry import complete_plant
 from piezo_ros.model import ParameterError

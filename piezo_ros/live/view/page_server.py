@@ -195,13 +195,16 @@ class _Server(socketserver.ThreadingMixIn, socketserver.TCPServer):
         self.end_connections(_LONGEST_CONNECTION_S)
 
     def end_connections(self, older_than_s: float = 0.0) -> None:
-        """End connections, each in the thread that waits for it."""
+        """End connections, each in the thread that waits for it; others may come at once."""
         now_s = time.monotonic()
         with self._lock:
-            for connection, begun_s in self._begun_s.items():
-                if now_s - begun_s >= older_than_s:
-                    with contextlib.suppress(OSError):
-                        connection.shutdown(socket.SHUT_RDWR)
+            ended = [
+                connection for connection, begun_s in self._begun_s.items()
+                if now_s - begun_s >= older_than_s]
+            for connection in ended:
+                del self._begun_s[connection]
+                with contextlib.suppress(OSError):
+                    connection.shutdown(socket.SHUT_RDWR)
 
     def handle_error(self, request: Any, client_address: Any) -> None:
         """Say nothing: a client that leaves is no event."""

@@ -21,7 +21,7 @@ import time
 import pytest
 from live_feed import planned_runs, show_run
 
-from piezo_ros.cli.main import argument_parser
+from piezo_ros.cli.shared.command_line import argument_parser
 from piezo_ros.live.view import live_view
 from piezo_ros.live.view.live_view import LiveView
 from piezo_ros.live.view.watched_runs import WatchedRigs, WatchedRuns
