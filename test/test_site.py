@@ -26,6 +26,7 @@ from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
 import pytest
+from python_path import python_path
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 DOCS = REPOSITORY / 'docs'
@@ -99,7 +100,7 @@ def site(tmp_path_factory):
     built = subprocess.run(
         [sys.executable, '-m', 'sphinx', '-W', '--keep-going', '-q', '-b', 'html',
          folder / 'docs', folder / 'html'],
-        env=os.environ | {'PYTHONPATH': str(REPOSITORY)},
+        env=os.environ | {'PYTHONPATH': python_path(REPOSITORY)},
         capture_output=True, text=True, check=False)
     return folder / 'html', built
 

@@ -23,6 +23,7 @@ import pytest
 import yaml
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
+from python_path import python_path
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
@@ -318,7 +319,7 @@ def test_a_block_that_cannot_be_timed_is_refused_and_the_bag_goes_on(tmp_path):
 def _run_child(script: str, directory: Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
         [sys.executable, '-c', script, str(directory)], capture_output=True, text=True,
-        check=False, timeout=60, cwd=ROOT, env={**os.environ, 'PYTHONPATH': str(ROOT)})
+        check=False, timeout=60, cwd=ROOT, env={**os.environ, 'PYTHONPATH': python_path(ROOT)})
 
 
 def test_a_killed_recorder_loses_only_what_came_after_its_last_flush(tmp_path):

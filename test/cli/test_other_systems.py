@@ -20,6 +20,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from python_path import python_path
 from short_plan import SHORT_PLAN
 
 REPOSITORY = Path(__file__).resolve().parents[2]
@@ -78,8 +79,8 @@ def python(tmp_path):
     def run(program, *arguments):
         return subprocess.run(
             [sys.executable, '-c', ELSEWHERE + program, *map(str, arguments)], cwd=tmp_path,
-            env={**os.environ, 'PYTHONPATH': str(REPOSITORY)}, capture_output=True, text=True,
-            check=False)
+            env={**os.environ, 'PYTHONPATH': python_path(REPOSITORY)}, check=False,
+            capture_output=True, text=True)
     return run
 
 

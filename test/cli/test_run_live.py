@@ -21,6 +21,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from python_path import python_path
 
 from piezo_ros.bag import read
 
@@ -39,7 +40,7 @@ def _piezo(*arguments, timeout=200):
     return subprocess.run(
         [sys.executable, '-m', 'piezo_ros.cli.main', *(str(word) for word in arguments)],
         capture_output=True, text=True, check=False, timeout=timeout,
-        env={**os.environ, 'PYTHONPATH': str(ROOT)})
+        env={**os.environ, 'PYTHONPATH': python_path(ROOT)})
 
 
 @pytest.fixture(scope='module')

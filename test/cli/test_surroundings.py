@@ -20,6 +20,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from python_path import python_path
 
 from piezo_ros.cli.main import main
 
@@ -29,7 +30,7 @@ ROOT = Path(__file__).parents[2]
 def piezo(*words, **environment):
     return subprocess.run(
         [sys.executable, '-m', 'piezo_ros.cli.main', *map(str, words)], capture_output=True,
-        check=False, env={**os.environ, 'PYTHONPATH': str(ROOT), **environment})
+        check=False, env={**os.environ, 'PYTHONPATH': python_path(ROOT), **environment})
 
 
 @pytest.mark.parametrize('command', ['simulate', 'run', 'sweep'])
@@ -81,7 +82,8 @@ def test_b10_a_reader_of_the_output_that_goes_is_no_error(tmp_path, plan):
     try:
         done = subprocess.run(
             [sys.executable, '-m', 'piezo_ros.cli.main', 'bag', 'info', str(bag)], stdout=writing,
-            stderr=subprocess.PIPE, check=False, env={**os.environ, 'PYTHONPATH': str(ROOT)})
+            stderr=subprocess.PIPE, check=False,
+            env={**os.environ, 'PYTHONPATH': python_path(ROOT)})
     finally:
         os.close(writing)
     assert done.stderr == b''

@@ -21,6 +21,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from python_path import python_path
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 WITHOUT_ROS = """\
@@ -53,8 +54,8 @@ def python(tmp_path):
     def run(program, *arguments):
         return subprocess.run(
             [sys.executable, '-c', WITHOUT_ROS + program, *map(str, arguments)], cwd=tmp_path,
-            env={**os.environ, 'PYTHONPATH': str(REPOSITORY)}, capture_output=True, text=True,
-            check=False)
+            env={**os.environ, 'PYTHONPATH': python_path(REPOSITORY)}, check=False,
+            capture_output=True, text=True)
     return run
 
 

@@ -27,6 +27,7 @@ import time
 from pathlib import Path
 
 import pytest
+from python_path import python_path
 
 from piezo_ros.launching.arguments import LAUNCH_FILES
 
@@ -105,7 +106,7 @@ class _Launch:
                 start_new_session=True,
                 env={
                     **os.environ, 'ENDS': str(self._ends), 'ROS_LOG_DIR': str(folder / 'log'),
-                    'PYTHONPATH': f'{ROOT}:{os.environ.get("PYTHONPATH", "")}',
+                    'PYTHONPATH': python_path(ROOT),
                     'AMENT_PREFIX_PATH': f'{prefix}:{os.environ.get("AMENT_PREFIX_PATH", "")}'},
                 # Tests started in the background inherit that SIGINT is ignored.
                 preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL))

@@ -30,6 +30,7 @@ from pathlib import Path
 
 import pytest
 from processes import has_ni
+from python_path import python_path
 
 from piezo_ros.parameters.parameter_file import parameters_yaml, read_parameter_file
 
@@ -104,7 +105,7 @@ def shell(tmp_path):
                 env={
                     **os.environ, 'PATH': f'{programs}:{Path(sys.executable).parent}:'
                     f'{os.environ["PATH"]}',
-                    'PYTHONPATH': f'{ROOT}:{os.environ.get("PYTHONPATH", "")}',
+                    'PYTHONPATH': python_path(ROOT),
                     'docs': str(ROOT / 'docs'),
                     'ROS_DOMAIN_ID': str(1 + (os.getpid() + 53) % 101), **environment})
         try:

@@ -20,6 +20,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from python_path import python_path
 
 import piezo_ros
 from piezo_ros.model.step import marked_steps
@@ -73,8 +74,8 @@ def test_the_cache_is_where_the_user_keeps_caches(package, monkeypatch, tmp_path
 
 def test_a_changed_step_is_compiled_anew_even_under_the_old_time_stamp(package, tmp_path):
     environment = {
-        **os.environ, 'PYTHONPATH': str(package.parent), 'XDG_CACHE_HOME': str(tmp_path / 'cache'),
-        'PYTHONDONTWRITEBYTECODE': '1'}
+        **os.environ, 'PYTHONPATH': python_path(package.parent),
+        'XDG_CACHE_HOME': str(tmp_path / 'cache'), 'PYTHONDONTWRITEBYTECODE': '1'}
 
     def voltage():
         done = subprocess.run(

@@ -26,6 +26,7 @@ from pathlib import Path
 
 import pytest
 import yaml
+from python_path import python_path
 
 from piezo_ros.bag import STREAMS
 from piezo_ros.launching.arguments import LAUNCH_FILES
@@ -128,7 +129,7 @@ class Rig:
         self.namespace = f'/test_{os.getpid()}_{next(_numbers)}'
         self.domain = 1 + number % 101
         self.environment = {
-            **os.environ, 'PYTHONPATH': str(ROOT), 'ROS_DOMAIN_ID': str(self.domain),
+            **os.environ, 'PYTHONPATH': python_path(ROOT), 'ROS_DOMAIN_ID': str(self.domain),
             'PYTHONUNBUFFERED': '1'}
         self._processes = []
 

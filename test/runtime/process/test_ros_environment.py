@@ -20,6 +20,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from python_path import python_path
 
 from piezo_ros.cli.main import main
 from piezo_ros.parameters.errors import PlanError
@@ -117,14 +118,14 @@ def test_b10_a_node_refuses_in_one_line(name):
         [sys.executable, '-m', 'piezo_ros.nodes.executables', name, '--ros-args', '-r',
          f'__ns:=/{240 * "a"}'],
         capture_output=True, text=True, check=False,
-        env={**os.environ, 'PYTHONPATH': str(ROOT)})
+        env={**os.environ, 'PYTHONPATH': python_path(ROOT)})
     assert done.returncode == 1
     assert 'Traceback' not in done.stderr
     assert 'the namespace is' in done.stderr.splitlines()[-1]
 
 
 def test_b10_a_node_without_a_home_starts(tmp_path):
-    environment = {**os.environ, 'PYTHONPATH': str(ROOT), 'TMPDIR': str(tmp_path)}
+    environment = {**os.environ, 'PYTHONPATH': python_path(ROOT), 'TMPDIR': str(tmp_path)}
     for variable in ('HOME', 'ROS_HOME', 'ROS_LOG_DIR', 'XDG_CACHE_HOME'):
         environment.pop(variable, None)
     done = subprocess.run(
