@@ -15,7 +15,7 @@
 # PYTHON_ARGCOMPLETE_OK
 
 """
-The command `piezo`.
+The command ``piezo``.
 
 Whatever takes time is imported once Ctrl-C is remembered: Python drops a KeyboardInterrupt that it
 raises where an import cleans up.

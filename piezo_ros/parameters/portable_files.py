@@ -30,8 +30,8 @@ __all__ = ['OUTPUT_MARKER', 'told_from_bag']
 
 # The file that marks a directory as the output of a command.
 OUTPUT_MARKER: Final = '.piezo_output'
-# A path begins after nothing, or after what is before it in a list of changes.
-_BEFORE_A_PATH: Final = r'(?:(?<=^)|(?<=[\s\'"\[{,:]))'
+# A path begins where no other part of a path is before it, as in a list of changes.
+_BEGIN: Final = r'(?<![^\s\'"\[{,:])'
 
 
 def told_from_bag(
@@ -56,7 +56,7 @@ def told_from_bag(
     told = f'{os.path.relpath(output, place)}{os.sep}'
     # Lists of changes are JSON, in which other letters than those of ASCII are escaped.
     names = {f'{output}{os.sep}', json.dumps(f'{output}{os.sep}')[1:-1]}
-    pattern = re.compile(f'{_BEFORE_A_PATH}(?:{"|".join(map(re.escape, sorted(names)))})')
+    pattern = re.compile(f'{_BEGIN}(?:{"|".join(map(re.escape, sorted(names)))})')
     return {
         node: {
             name: pattern.sub(lambda _: told, value) if isinstance(value, str) else value

@@ -12,9 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-# PYTHON_ARGCOMPLETE_OK
-
-"""The command ``piezo``."""
+"""The command line of ``piezo``: its commands, and how each of them ends."""
 
 import argparse
 import errno
@@ -43,8 +41,8 @@ _NO_ROOM: Final = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
 # Where a shell asks for what may follow: eval "$(register-python-argcomplete piezo)"
 _COMPLETION: Final = '_ARGCOMPLETE'
 
-# Each with its line in `piezo --help`. The module of this name in `cli` describes its
-# arguments (add_arguments) and does it; only the one that is asked for is imported.
+# Each with its line in `piezo --help`. The module of this name in `cli` describes its arguments
+# (add_arguments) and does it; only the one that is asked for is imported.
 COMMANDS: Final = {
     'init': 'copy one of the examples, to begin with',
     'run': 'start the node graph, record, analyse, report',
