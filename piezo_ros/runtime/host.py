@@ -48,9 +48,11 @@ _HOUSEKEEPING_S = 0.05
 _SPIN_S = 0.5  # between two looks whether the process ends
 _SHORT_SLEEP_S = 0.001
 # How long the readers have for the last messages: one may be delayed, or dead, which becomes
-# known of a killed process only after 20 s. A launch file gives a process 5 s to end after Ctrl-C.
+# known of a killed process only after 20 s.
 _ACKNOWLEDGE_S = 20.0
 _ACKNOWLEDGE_IN_HASTE_S = 4.0
+# The launch files give a process 10 s of the wall clock to end after Ctrl-C, however busy it is.
+_ACKNOWLEDGE_AFTER_SIGNAL_S = 6.0
 _DISCOVER_S = 1.0  # how long a supervisor has to discover a process that it ends so soon
 _RAISE_AGAIN_S = 0.2
 _CLOSE_S = 1.0  # how long a service that is being answered may take to its end
@@ -201,12 +203,19 @@ def _say_farewell(nodes: Sequence[LoopNode], stop: StopRequest, *, failed: bool)
         for node in nodes:
             node.status.await_reader(lambda: waited.elapsed_s() < _DISCOVER_S)
 
-    def has_time() -> bool:
-        in_haste = failed or stop.signal_number
-        return waited.elapsed_s() < (_ACKNOWLEDGE_IN_HASTE_S if in_haste else _ACKNOWLEDGE_S)
-
     for node in nodes:
-        await_acknowledgements(node.publishers_of_run, has_time)
+        await_acknowledgements(
+            node.publishers_of_run, lambda: _has_time(waited, stop, failed=failed))
+
+
+def _has_time(waited: RunningTime, stop: StopRequest, *, failed: bool) -> bool:
+    """Return whether the readers may still take what was sent to them."""
+    elapsed_s = waited.elapsed_s()
+    if not stop.signal_number:
+        return elapsed_s < (_ACKNOWLEDGE_IN_HASTE_S if failed else _ACKNOWLEDGE_S)
+    return (
+        not stop.is_last_call and elapsed_s < _ACKNOWLEDGE_IN_HASTE_S
+        and waited.awake_s < _ACKNOWLEDGE_AFTER_SIGNAL_S)
 
 
 def _end(node: LoopNode, stop: StopRequest) -> None:

@@ -14,8 +14,16 @@
 
 """What the signals of a node's process leave behind."""
 
+import signal
 import subprocess
 import sys
+
+import pytest
+
+from piezo_ros.runtime import host
+from piezo_ros.runtime.process import running_time
+from piezo_ros.runtime.process.running_time import RunningTime
+from piezo_ros.runtime.process.stop_request import StopRequest
 
 # Python gives a signal without a handler of its own back its default while it ends: to kill.
 _INTERRUPTED_WHILE_STARTING = """
@@ -41,3 +49,28 @@ def test_an_interruption_that_is_repeated_does_not_kill_a_process_on_its_way_out
     process = subprocess.run(
         [sys.executable, '-c', _INTERRUPTED_WHILE_STARTING], check=False, timeout=60)
     assert process.returncode == 0
+
+
+@pytest.mark.parametrize(('signals', 'failed', 'busy', 'longest_s'), [
+    ([], False, 1.0, 20.0),
+    ([], True, 1.0, 4.0),
+    ([], True, 8.0, 32.0),
+    ([signal.SIGINT], False, 1.0, 4.0),
+    # The supervisor or a launch file counts by the wall clock.
+    ([signal.SIGINT], False, 8.0, 6.0),
+    ([signal.SIGINT, signal.SIGINT], False, 8.0, 6.0),
+    ([signal.SIGINT, signal.SIGTERM], False, 1.0, 0.0),
+    ([signal.SIGTERM, signal.SIGHUP], False, 8.0, 0.0),
+])
+def test_dead_readers_hold_up_the_end_no_longer_than_it_has(
+    signals, failed, busy, longest_s, monkeypatch,
+):
+    now_s = [100.0]
+    monkeypatch.setattr(running_time.time, 'monotonic', lambda: now_s[0])
+    monkeypatch.setattr(running_time, 'crowding', lambda: busy)
+    stop, waited = StopRequest(), RunningTime()
+    for number in signals:
+        stop(number, None)
+    while host._has_time(waited, stop, failed=failed):
+        now_s[0] += 0.125
+    assert now_s[0] - 100.0 == pytest.approx(longest_s, abs=0.2)

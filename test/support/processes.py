@@ -200,6 +200,9 @@ class Rig:
     def destroy(self):
         for process in self._processes:
             process.destroy()
+            # Pytest shows it where the test failed: the cause is often in another process.
+            print(f'process {process.pid} ended with {process.exit_code}; it wrote:')
+            print(process.output[-4000:] or '(nothing)')
         for number in self.nodes().values():
             os.kill(number, signal.SIGKILL)
 

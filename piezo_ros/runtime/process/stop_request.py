@@ -14,6 +14,7 @@
 
 """The signals that ask a process to end, remembered until its loop looks."""
 
+import signal
 from types import FrameType
 
 from piezo_ros.interruption import leave_closed_terminal, set_stop_handler
@@ -29,11 +30,14 @@ class StopRequest:
     ----------
     signal_number : int
         The signal, 0 until one has come.
+    is_last_call : bool
+        Whether SIGTERM or SIGHUP has come after another signal: SIGKILL is next.
 
     """
 
     def __init__(self) -> None:
         self.signal_number = 0
+        self.is_last_call = False
 
     def listen(self) -> None:
         """Take SIGINT, SIGTERM and SIGHUP from now on."""
@@ -41,5 +45,7 @@ class StopRequest:
 
     def __call__(self, signal_number: int, _frame: FrameType | None) -> None:
         """Remember a signal."""
+        # SIGINT often comes twice at once: from the terminal, and from what started the process.
+        self.is_last_call = bool(self.signal_number) and signal_number != signal.SIGINT
         self.signal_number = signal_number
         leave_closed_terminal()

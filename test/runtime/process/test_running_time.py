@@ -56,6 +56,7 @@ def test_a14_a_time_limit_goes_slower_on_a_busy_machine(monkeypatch, machine):
         now_s[0] += 0.2
         elapsed_s = waited.elapsed_s()
     assert elapsed_s == pytest.approx(0.2)
+    assert waited.awake_s == pytest.approx(3.2)
     assert busy_words() == '; the machine is busy: 32 threads want to run on 2 processors'
     machine('0.10 20.00 9.00 1/812 4711')
     now_s[0] += 0.2
