@@ -12,8 +12,9 @@ BIN := $(VENV)/bin
 PYTEST_ARGS ?=
 # Some of the combinations of .ci/matrix: make test-matrix MATRIX='jazzy-3.12-newest'
 MATRIX ?=
-# Two workers for each core of the smallest machine: half of a test with processes is waiting.
-PYTEST := $(BIN)/python -m pytest -n 4 --dist loadfile
+# Three workers for two cores: a test with processes waits half of the time. A fourth makes it
+# slower: nodes that wait for each other look around more often than they work.
+PYTEST := $(BIN)/python -m pytest -n 3 --dist loadfile
 # Else Numba counts what it compiles as run, and counts nothing where it finds it in its cache.
 COVERAGE := NUMBA_JIT_COVERAGE=0
 # Before Python 3.12 a test of Python steps takes more than twice the time when it is measured.

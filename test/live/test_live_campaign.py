@@ -32,7 +32,8 @@ from piezo_ros.parameters.node_parameters import LOOP_NODES, NODE_PARAMETERS
 
 # Two in a row of the scheme in which all nodes take part.
 SCHEMES = ('fb', 'ff', 'open_loop', 'fbff', 'fbff')
-RUNS = {'separate': SCHEMES[:4], 'composed': SCHEMES[3:4]}
+# The bags that other readers read; test_kept_graph.py compares runs of every kind.
+RUNS = {'separate': SCHEMES[2:4], 'composed': SCHEMES[3:4]}
 SAMPLES = 1000
 ROOT = Path(__file__).parents[2]
 
@@ -97,7 +98,7 @@ def test_the_schemes_differ(offline):
 
 
 def test_four_processes_give_the_bits_of_the_offline_simulation(separate, offline):
-    _assert_same_bits(separate, offline[:4])
+    _assert_same_bits(separate, offline[2:4])
 
 
 def test_one_process_gives_the_bits_of_the_offline_simulation(composed, offline):
@@ -134,7 +135,7 @@ def test_two_rigs_at_once_in_one_domain_do_not_disturb_each_other(rig, write_pla
 
 
 @pytest.mark.parametrize(('processes', 'number'), [
-    *(('separate', number) for number in range(4)), ('composed', 0)])
+    *(('separate', number) for number in range(2)), ('composed', 0)])
 def test_rosbags_and_mcap_ros2_see_every_sample_of_a_live_run(request, processes, number):
     bag = request.getfixturevalue(processes)[number]
     run = read(bag)

@@ -42,7 +42,7 @@ def lost(rig, tmp_path):
 
 
 @pytest.mark.parametrize(('scheme', 'periods'), [
-    pytest.param('ff', 300, marks=pytest.mark.slow), ('fbff', 6)])
+    pytest.param('ff', 300, marks=pytest.mark.slow), ('fbff', 3)])
 def test_a_run_with_lost_datagrams_has_the_bits_of_the_offline_simulation(
         rig, write_plan, lost, scheme, periods):
     plan = write_plan(scheme, periods=periods)
