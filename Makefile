@@ -67,7 +67,7 @@ test: $(TEST_READY)  ## style, types, tiers (test_lint.py), all other tests but 
 	$(TELL)
 	$(COVERAGE) $(PYTEST) $(if $(MEASURE),$(MEASURE) --cov-report=) $(PYTEST_ARGS)
 	@if [ -n '$(MEASURE)' ]; then \
-		echo "Lines of piezo_ros/ that these tests ran, without the processes that they started:" \
+		echo "Lines of piezo_ros/ that these tests ran, with some of the processes that they started:" \
 			"$$($(BIN)/coverage report --format=total) %"; \
 	else echo 'Coverage is measured here from Python 3.12 on, by make coverage on any.'; fi
 

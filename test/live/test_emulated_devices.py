@@ -66,6 +66,7 @@ def recorded_samples(out, stream):
 
 
 def test_a_run_on_a_controller_is_aligned_and_what_its_recorder_holds(rig):
+    rig.measure()
     from gcs.virtual_controller import VirtualController, served
     controller = VirtualController(RigParameters(noise_rms_um=0.0))
     out = rig.directory / 'out'

@@ -58,6 +58,7 @@ def plan(tmp_path):
 
 
 def test_runs_of_every_kind_follow_each_other_with_the_bits_of_the_offline_simulation(rig, plan):
+    rig.measure()
     path = plan(RUNS)
     live = rig.piezo('run', path, '-o', rig.directory / 'live', '--keep')
     offline = rig.piezo('simulate', path, '-o', rig.directory / 'offline')

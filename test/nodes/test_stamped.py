@@ -170,6 +170,7 @@ def test_the_example_of_ros2_control_reads_what_is_offered():
 
 def test_every_message_has_the_stamp_the_unit_and_the_value_of_its_sample(
         rig, peer, listen, expected):
+    rig.measure()
     stamped = rig.node('stamped', stamp='simulated', frame_id='base', rate_hz=200.0)
     stamped.wait_for('the stamps are simulated time')
     messages = listen(*STREAMS)

@@ -133,6 +133,13 @@ class Rig:
             'PYTHONUNBUFFERED': '1'}
         self._processes = []
 
+    def measure(self):
+        """Let its processes count the lines that they run, where the tests are measured."""
+        if 'coverage' in sys.modules and sys.modules['coverage'].Coverage.current():
+            self.environment.update(
+                COVERAGE_PROCESS_START=str(ROOT / 'pyproject.toml'), COVERAGE_PATCH='subprocess',
+                COVERAGE_FILE=str(ROOT / '.coverage'))
+
     @property
     def bag(self):
         """Where the first run of a plan under fbff goes."""
