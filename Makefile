@@ -22,6 +22,9 @@ MEASURE = $(shell $(BIN)/python -c 'import sys; print("--cov" * (sys.version_inf
 # It interrupts a process after 50 ms; one that is measured is still importing coverage then.
 NOT_MEASURED := test/live/test_stop.py::test_ctrl_c_at_any_moment_of_the_start_leaves_nothing_behind[0.05]
 
+# Else each of the hundreds of processes that tests start compiles the package anew.
+unexport PYTHONDONTWRITEBYTECODE
+
 # A second call finds the stamp and is instant; another ROS has another stamp.
 ROS := $(or $(DISTRO),default)-$(or $(ROS_DISTRO),wheels)
 DEMO_READY := $(VENV)/.stamp-demo-$(ROS)

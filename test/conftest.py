@@ -14,7 +14,9 @@
 
 import importlib.util
 import os
+from zlib import crc32
 
+import pytest
 from hypothesis import HealthCheck, settings
 
 from piezo_ros.matrix_threads import use_one_thread
@@ -39,6 +41,30 @@ collect_ignore = [
 
 # In test/support: fixtures of tests that start processes, and of tests on a fake clock.
 pytest_plugins = ['fake_clock', 'processes']
+
+# Files of over half a minute, which workers begin with: none is left alone with one at the end.
+LONG_FILES = (
+    'test/cli/test_identify.py', 'test/test_lint.py', 'test/contract/test_contract.py',
+    'test/live/test_live_campaign.py', 'test/live/test_failure.py', 'test/cli/test_tune.py',
+    'test/identification/hysteresis/test_hysteresis_fit.py', 'test/live/test_kept_graph.py')
+
+
+def pytest_configure(config):
+    # Else workers begin with the files of most tests, and end with all that wait for processes.
+    if hasattr(config.option, 'loadscopereorder'):
+        config.option.loadscopereorder = False
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_collection_modifyitems(items):
+    """Mix files that wait for processes with files that compute, where several workers run."""
+    if 'PYTEST_XDIST_WORKER' in os.environ:
+        items.sort(key=_turn)
+
+
+def _turn(item):
+    file = item.nodeid.partition('::')[0]
+    return LONG_FILES.index(file) if file in LONG_FILES else len(LONG_FILES) + crc32(file.encode())
 
 
 def pytest_report_header():
