@@ -118,9 +118,11 @@ def _class_name(module: str) -> str:
 
 
 def _end_start(number: int, _frame: object) -> None:
+    """End the process, of which no ROS knows yet."""
     leave_closed_terminal()
-    print(f'ended by {signal.Signals(number).name} while it started', file=sys.stderr)
-    sys.exit(0)
+    print(f'ended by {signal.Signals(number).name} while it started', file=sys.stderr, flush=True)
+    # Not by an exception: Python drops one that is raised where an import cleans up.
+    os._exit(0)
 
 
 def _follow_parent() -> None:

@@ -44,6 +44,30 @@ if signal.getsignal(signal.SIGALRM) is not signal.SIG_IGN:
 time.sleep(0.1)
 """
 
+# Sends itself SIGINT where Python can but drop an exception: in what an import does at its end.
+_INTERRUPTED_IMPORT = """
+import os, runpy, signal, sys
+
+def interrupt(frame, event, argument):
+    code = frame.f_code
+    if event == 'call' and code.co_name == 'cb' and 'importlib' in code.co_filename and (
+            'piezo_ros.nodes.usage' in sys.modules):
+        sys.setprofile(None)
+        os.kill(os.getpid(), signal.SIGINT)
+
+sys.argv[1:] = ['compensator', '--ros-args', '-p', 'handshake_timeout_s:=1.0']
+sys.setprofile(interrupt)
+runpy.run_module('piezo_ros.nodes.executables', run_name='__main__')
+"""
+
+
+def test_ctrl_c_is_not_lost_while_a_node_is_imported():
+    process = subprocess.run(
+        [sys.executable, '-c', _INTERRUPTED_IMPORT], capture_output=True, text=True, check=False,
+        timeout=60)
+    assert process.stderr == 'ended by SIGINT while it started\n'
+    assert process.returncode == 0
+
 
 def test_an_interruption_that_is_repeated_does_not_kill_a_process_on_its_way_out():
     process = subprocess.run(
