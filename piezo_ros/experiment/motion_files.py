@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Where the motion files are that the runs of a plan name."""
+"""Where the motion files are that the runs of a plan and its parameter files name."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -30,14 +30,14 @@ MOTION_KEY: Final = 'file'
 
 def motion_file(folder: Path, name: str) -> Path:
     """
-    Return the path of a motion file: from the folder of the plan, else from the working directory.
+    Return the path of a motion file: from a folder, else from the working directory.
 
     Parameters
     ----------
     folder : Path
-        The folder of the plan.
+        The folder of the plan or parameter file that names it.
     name : str
-        What the plan says.
+        What that file says.
 
     """
     beside = folder / name
@@ -51,9 +51,9 @@ def with_motion_files(folder: Path, entry: Mapping[str, Any]) -> dict[str, Any]:
     Parameters
     ----------
     folder : Path
-        The folder of the plan.
+        The folder of the plan or parameter file that names them.
     entry : mapping of str to value
-        The entry: a file of its own, of its trajectory, of its changes.
+        The entry: a file of its own, of its trajectory, of its changes; or parameters of a node.
 
     """
     found: dict[str, Any] = {}

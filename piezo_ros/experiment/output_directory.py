@@ -110,7 +110,7 @@ def keep_plan(source: Path, directory: Path) -> PlanCopy:
 
 def copy_plan(source: Path, copy: Path, files_below: str) -> PlanCopy:
     """
-    Copy a plan and the files that it names.
+    Copy a plan and the files that it names, with the motion files of its parameter files.
 
     Parameters
     ----------
@@ -127,29 +127,64 @@ def copy_plan(source: Path, copy: Path, files_below: str) -> PlanCopy:
         If a file cannot be read or written.
 
     """
-    text = source.read_text(encoding='utf-8-sig')
-    root = yaml.compose(text, Loader=yaml.SafeLoader)
-    taken: dict[str, Path] = {copy.name: source} if not files_below else {}
-    replaced: list[tuple[int, int, str]] = []
-    copies: dict[str, Path] = {}
-    for key, node in _file_nodes(root):
-        name = str(node.value)
-        file = motion_file(source.parent, name) if key == MOTION_KEY else source.parent / name
-        if not file.is_file():
-            continue
-        name = _free_name(file, taken)
-        taken[name] = file
-        copies[str(file)] = (copy.parent / files_below / name).resolve()
-        if copies[str(file)] != file.resolve():
-            write_atomically(copies[str(file)], file.read_bytes())
-        replaced.append((
-            node.start_mark.index, node.end_mark.index,
-            name if not files_below else f'{files_below}/{name}'))
-    for start, end, name in sorted(replaced, reverse=True):
-        text = f'{text[:start]}{_scalar(name)}{text[end:]}'
+    copies = _FileCopies(
+        (copy.parent / files_below).resolve(), {} if files_below else {copy.name: source})
+    text, root = copies.renamed(source, f'{files_below}/' if files_below else '')
     text += _title_of(root, source)
     write_atomically(copy, text)
-    return PlanCopy(text, copies)
+    return PlanCopy(text, copies.made)
+
+
+class _FileCopies:
+    """
+    Copies of the files that a plan names, and of the motions that its parameter files name.
+
+    Parameters
+    ----------
+    folder : Path
+        Where they go.
+    taken : dict of str to Path
+        Names that they must not have there, and what has them.
+
+    Attributes
+    ----------
+    made : dict of str to Path
+        The files, as found, to their copies.
+
+    """
+
+    def __init__(self, folder: Path, taken: dict[str, Path]) -> None:
+        self.made: dict[str, Path] = {}
+        self._folder = folder
+        self._taken = taken
+
+    def renamed(self, source: Path, below: str) -> tuple[str, Any]:
+        """Copy the files that a YAML file names; return its text with their names, and its root."""
+        text = source.read_text(encoding='utf-8-sig')
+        root = yaml.compose(text, Loader=yaml.SafeLoader)
+        replaced: list[tuple[int, int, str]] = []
+        for key, node in _file_nodes(root):
+            name, is_motion = str(node.value), key == MOTION_KEY
+            file = motion_file(source.parent, name) if is_motion else source.parent / name
+            if file.is_file():
+                replaced.append((
+                    node.start_mark.index, node.end_mark.index,
+                    below + self._copy(file, is_motion=is_motion)))
+        for start, end, name in sorted(replaced, reverse=True):
+            text = f'{text[:start]}{_scalar(name)}{text[end:]}'
+        return text, root
+
+    def _copy(self, file: Path, *, is_motion: bool) -> str:
+        """Copy a file, unless it is there already; return the name of the copy."""
+        name = _free_name(file, self._taken)
+        self._taken[name] = file
+        copy = self.made[str(file)] = self._folder / name
+        if copy != file.resolve():
+            content = file.read_bytes()
+            text = '' if is_motion else self.renamed(file, '')[0]
+            is_same = is_motion or text == content.decode('utf-8-sig')
+            write_atomically(copy, content if is_same else text)
+        return name
 
 
 def _file_nodes(node: Any) -> Iterator[tuple[str, Any]]:

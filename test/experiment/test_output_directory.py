@@ -129,6 +129,58 @@ def test_an_output_with_motions_out_of_files_is_done_again_from_itself(
         tmp_path / 'moved' / 'plan_files' / name for name in ('wave.csv', 'wave_2.csv')]
 
 
+def test_a_motion_that_a_parameter_file_names_is_copied_and_played_too(
+        write_plan, tmp_path, monkeypatch):
+    elsewhere = tmp_path / 'elsewhere'
+    elsewhere.mkdir()
+    monkeypatch.chdir(elsewhere)
+    wave_um = 0.3 * np.sin(np.linspace(0.0, 2.0 * np.pi, 100, endpoint=False))
+    planned = tmp_path / 'planned'
+    planned.mkdir()
+    (planned / 'wave.csv').write_text(
+        '# repeat_from: 0\nreference_um\n' + '\n'.join(map(repr, wave_um.tolist())))
+    for name in 'scan', 'same_scan':
+        (planned / f'{name}.yaml').write_text(
+            '# planned\n/**/trajectory:\n  ros__parameters: {waveform: file, file: wave.csv, '
+            'frequency_hz: 1000.0, harmonics: 0, ramp_periods: 0.0}\n')
+    plan = write_plan(
+        parameter_files=['planned/scan.yaml', 'planned/same_scan.yaml'],
+        runs=[{'scheme': 'fb', 'periods': 5}])
+    assert read_plan(plan).runs[0].trajectory.file == str(planned / 'wave.csv')
+    prepare_directory(tmp_path / 'out', force=False)
+    run_campaign(read_plan(plan), tmp_path / 'out', simulate_run)
+    copies = tmp_path / 'moved' / 'plan_files'
+    (tmp_path / 'out').rename(tmp_path / 'moved')
+    assert sorted(each.name for each in copies.iterdir()) == [
+        'same_scan.yaml', 'scan.yaml', 'wave.csv']
+    assert (copies / 'scan.yaml').read_bytes() == (planned / 'scan.yaml').read_bytes()
+    for file in planned.iterdir():
+        file.unlink()
+    prepare_directory(tmp_path / 'again', force=False)
+    run_campaign(read_plan(tmp_path / 'moved' / 'plan.yaml'), tmp_path / 'again', simulate_run)
+    assert bags_of(tmp_path / 'again') == bags_of(tmp_path / 'moved')
+    (bag,) = (tmp_path / 'moved' / 'bags').iterdir()
+    assert (bag / read(bag).parameters['/trajectory']['file']).resolve() == copies / 'wave.csv'
+
+
+def test_a_parameter_file_names_the_copy_of_its_motion(tmp_path):
+    for folder in 'one', 'two':
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / 'wave.csv').write_text(folder)
+        (tmp_path / folder / f'{folder}.yaml').write_text(
+            f'# of {folder}\ntrajectory: {{ros__parameters: {{file: "wave.csv"}}}}  # a wave\n')
+    plan = tmp_path / 'plan.yaml'
+    plan.write_text('parameter_files: [one/one.yaml, two/two.yaml, one/one.yaml]\n')
+    kept = keep_plan(plan, tmp_path / 'out')
+    copies = tmp_path / 'out' / 'plan_files'
+    assert kept.files[str(tmp_path / 'two' / 'wave.csv')] == copies / 'wave_2.csv'
+    assert (copies / 'wave_2.csv').read_text() == 'two'
+    assert (copies / 'one.yaml').read_text() == (tmp_path / 'one' / 'one.yaml').read_text().replace(
+        '"wave.csv"', 'wave.csv')
+    assert (copies / 'two.yaml').read_text() == (
+        '# of two\ntrajectory: {ros__parameters: {file: wave_2.csv}}  # a wave\n')
+
+
 def test_the_copy_of_a_plan_keeps_its_comments_and_gets_its_title(tmp_path):
     (tmp_path / 'a b.yaml').write_text('{}\n')
     plan = tmp_path / 'mine.yaml'

@@ -203,7 +203,7 @@ def _read_sections(
         file = path.parent / str(name)
         for node, values in read_parameter_file(file, nodes).items():
             checked_parameters(str(file), node, values)
-            sections[node].update(values)
+            sections[node].update(with_motion_files(file.parent, values))
     return sections
 
 
