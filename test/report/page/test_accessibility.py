@@ -18,6 +18,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from analysis_pages import dynamics_page, replay_page, sweep_page, swept_records, tuning_page
 from browser import browser, needs_browser, open_page
 from scanned_images import scanned_image
 from screenshots import MODES, settle
@@ -32,7 +33,7 @@ from piezo_ros.report.page.run_report import write_report
 axe = pytest.importorskip('axe_playwright_python.sync_playwright', reason='no axe-core')
 
 pytestmark = needs_browser
-# Other pages than the one that is made here, by the environment: directories with report.html.
+# Other pages than those that are made here, by the environment: directories with report.html.
 PAGES = [Path(page) for page in os.environ.get('PIEZO_PAGES', '').split(os.pathsep) if page]
 
 
@@ -76,8 +77,15 @@ def made(run_report, raster_report, hysteresis_report):
     return run_report, raster_report, hysteresis_report
 
 
-def pages(made):
-    return [*made, *(directory / 'report.html' for directory in PAGES)]
+@pytest.fixture(scope='module')
+def pages(made, tmp_path_factory):
+    """Return a page of every kind, and those of the environment."""
+    return [
+        *made, dynamics_page(tmp_path_factory.mktemp('dynamics')),
+        tuning_page(tmp_path_factory.mktemp('gains'), 0.3),
+        replay_page(tmp_path_factory.mktemp('replay')),
+        sweep_page(tmp_path_factory.mktemp('sweep'), swept_records(200)),
+        *(directory / 'report.html' for directory in PAGES)]
 
 
 def found_by_axe(page):
@@ -87,10 +95,18 @@ def found_by_axe(page):
         for violation in results.response['violations'] for node in violation['nodes']]
 
 
-@pytest.mark.parametrize('mode', [
-    'light', *(pytest.param(mode, marks=pytest.mark.slow) for mode in ('dark', 'phone', 'print'))])
-def test_axe_finds_nothing(chromium, made, mode):
-    for path in pages(made):
+def test_axe_finds_nothing(chromium, made):
+    check_with_axe(chromium, made, 'light')
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('mode', ['light', 'dark', 'phone', 'print'])
+def test_axe_finds_nothing_on_a_page_of_any_kind(chromium, pages, mode):
+    check_with_axe(chromium, pages, mode)
+
+
+def check_with_axe(chromium, paths, mode):
+    for path in paths:
         with open_page(chromium, path, **MODES[mode]) as page:
             settle(page)
             assert found_by_axe(page) == []
@@ -107,8 +123,8 @@ def test_axe_finds_what_is_wrong(chromium, tmp_path):
 
 
 @pytest.mark.slow
-def test_every_picture_has_an_alternative_text(chromium, made):
-    for path in pages(made):
+def test_every_picture_has_an_alternative_text(chromium, pages):
+    for path in pages:
         with open_page(chromium, path) as page:
             settle(page)
             labels = page.evaluate("""
@@ -120,8 +136,8 @@ def test_every_picture_has_an_alternative_text(chromium, made):
 
 
 @pytest.mark.slow
-def test_a_phone_scrolls_pictures_and_tables_not_the_page(chromium, made):
-    for path in pages(made):
+def test_a_phone_scrolls_pictures_and_tables_not_the_page(chromium, pages):
+    for path in pages:
         with open_page(chromium, path, **MODES['phone']) as page:
             settle(page)
             assert page.evaluate('document.documentElement.scrollWidth') == 390
@@ -137,8 +153,8 @@ def test_a_phone_scrolls_pictures_and_tables_not_the_page(chromium, made):
 
 
 @pytest.mark.slow
-def test_nothing_is_clipped_in_print_and_folds_are_open(chromium, made):
-    for path in pages(made):
+def test_nothing_is_clipped_in_print_and_folds_are_open(chromium, pages):
+    for path in pages:
         with open_page(chromium, path, **MODES['print']) as page:
             too_wide = page.evaluate("""
                 Array.from(document.querySelectorAll('table, pre, figure svg, p, figcaption'))
