@@ -14,8 +14,11 @@
 
 """Devices of other makers' emulators in the graph of `piezo run`: what comes back, what is lost."""
 
+import os
 import shutil
 import signal
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -117,27 +120,56 @@ def test_a_device_server_that_dies_ends_the_run_by_name_with_an_unknown_voltage(
 @pytest.mark.skipif(not has_ni(), reason='nidaqmx[grpc] is not installed')
 @pytest.mark.parametrize('clock', ['of its calls', 'of the wall'])
 def test_ten_streamed_seconds_at_100_khz_are_the_readings_of_the_rig(rig, clock):
+    options = ('--wall-clock', 1) if clock == 'of the wall' else ()
+    command, run = ten_seconds(rig, options, prefill_samples=100_000, read_samples=5000)
+    if options and 'ran out of samples' in command.output:
+        pytest.skip(f'this machine is too busy for its own clock: {command.output}')
+    assert_whole_seconds(command, run)
+    assert open_recording(the_bag(rig.directory / 'out')).metadata['device_played'] == 'streamed'
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(600)
+@pytest.mark.skipif(not has_ni(), reason='nidaqmx[grpc] is not installed')
+def test_ten_prefilled_seconds_at_100_khz_do_not_run_dry_however_busy_the_machine_is(rig):
+    burners = [
+        subprocess.Popen([sys.executable, '-c', 'while True: pass'])
+        for _ in range(2 * (os.cpu_count() or 1))]
+    try:
+        command, run = ten_seconds(
+            rig, ('--wall-clock', 1), prefill_samples=0, buffer_samples=1_200_000)
+    finally:
+        for burner in burners:
+            burner.kill()
+            burner.wait()
+    assert_whole_seconds(command, run)
+    assert open_recording(the_bag(rig.directory / 'out')).metadata['device_played'] == (
+        'whole run prefilled')
+
+
+def ten_seconds(rig, options, **device):
+    """Run a plan on the virtual card; check every reading; return the command and the run."""
     # Powers of two and no offset: volts at the connectors are turned without rounding.
     values = {
         'operating_point_v': 0.0, 'voltage_minimum_v': -5.0, 'voltage_maximum_v': 5.0,
         'sensor_scale_um_per_v': 2.0}
     file, out = rig.directory / 'rig.yaml', rig.directory / 'out'
     file.write_text(parameters_yaml('/**', {'plant': values}))
-    options = ('--wall-clock', 1) if clock == 'of the wall' else ()
     _, address = rig.start_emulator('daqmx.daqmx_server', '--rig', file, *options)
     path = plan(
         rig.directory, 1e-5, 100.0, periods=1000, device='ni', address=address,
-        prefill_samples=100_000, read_samples=5000, **values)
+        **device, **values)
     command = rig.piezo('run', path, '-o', out, '--yes')
-    code = command.wait(300.0)
+    command.wait(300.0)
     run = read(the_bag(out))
     voltage_v, displacement_um = (run.whole(name)[1] for name in ('voltage', 'displacement'))
     stage = Rig(RigParameters(**values), 1e-5, compiled=True)
     expected_um = np.array([stage.measure(), *stage.run(voltage_v)])
     np.testing.assert_array_equal(displacement_um, expected_um[:displacement_um.size])
-    if options and 'ran out of samples' in command.output:
-        pytest.skip(f'this machine is too busy for its own clock: {command.output}')
-    assert code == 0, command.output
-    assert displacement_um.size == 1_000_001
+    return command, run
+
+
+def assert_whole_seconds(command, run):
+    assert command.exit_code == 0, command.output
+    assert run.whole('displacement')[1].size == 1_000_001
     assert not run.lost
-    assert open_recording(the_bag(out)).metadata['device_played'] == 'streamed'
