@@ -129,7 +129,8 @@ def copy_plan(source: Path, copy: Path, files_below: str) -> PlanCopy:
     """
     copies = _FileCopies(
         (copy.parent / files_below).resolve(), {} if files_below else {copy.name: source})
-    text, root = copies.renamed(source, f'{files_below}/' if files_below else '')
+    text, root = copies.renamed(
+        source, _text_of(source), f'{files_below}/' if files_below else '')
     text += _title_of(root, source)
     write_atomically(copy, text)
     return PlanCopy(text, copies.made)
@@ -158,9 +159,8 @@ class _FileCopies:
         self._folder = folder
         self._taken = taken
 
-    def renamed(self, source: Path, below: str) -> tuple[str, Any]:
+    def renamed(self, source: Path, text: str, below: str) -> tuple[str, Any]:
         """Copy the files that a YAML file names; return its text with their names, and its root."""
-        text = source.read_text(encoding='utf-8-sig')
         root = yaml.compose(text, Loader=yaml.SafeLoader)
         replaced: list[tuple[int, int, str]] = []
         for key, node in _file_nodes(root):
@@ -180,11 +180,14 @@ class _FileCopies:
         self._taken[name] = file
         copy = self.made[str(file)] = self._folder / name
         if copy != file.resolve():
-            content = file.read_bytes()
-            text = '' if is_motion else self.renamed(file, '')[0]
-            is_same = is_motion or text == content.decode('utf-8-sig')
-            write_atomically(copy, content if is_same else text)
+            before = '' if is_motion else _text_of(file)
+            text = before and self.renamed(file, before, '')[0]
+            write_atomically(copy, file.read_bytes() if text == before else text)
         return name
+
+
+def _text_of(source: Path) -> str:
+    return source.read_text(encoding='utf-8-sig')
 
 
 def _file_nodes(node: Any) -> Iterator[tuple[str, Any]]:

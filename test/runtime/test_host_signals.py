@@ -85,6 +85,9 @@ def test_an_interruption_that_is_repeated_does_not_kill_a_process_on_its_way_out
     ([signal.SIGINT, signal.SIGINT], False, 8.0, 6.0),
     ([signal.SIGINT, signal.SIGTERM], False, 1.0, 0.0),
     ([signal.SIGTERM, signal.SIGHUP], False, 8.0, 0.0),
+    ([signal.SIGINT, signal.SIGTERM, signal.SIGINT], False, 1.0, 0.0),
+    # While a node starts, an alarm repeats the signal that came.
+    ([signal.SIGTERM, signal.SIGTERM], False, 1.0, 4.0),
 ])
 def test_dead_readers_hold_up_the_end_no_longer_than_it_has(
     signals, failed, busy, longest_s, monkeypatch,

@@ -45,7 +45,8 @@ class StopRequest:
 
     def __call__(self, signal_number: int, _frame: FrameType | None) -> None:
         """Remember a signal."""
-        # SIGINT often comes twice at once: from the terminal, and from what started the process.
-        self.is_last_call = bool(self.signal_number) and signal_number != signal.SIGINT
+        # SIGINT may come at any time: from the terminal, and from what started the process.
+        if signal_number != signal.SIGINT and self.signal_number not in (0, signal_number):
+            self.is_last_call = True
         self.signal_number = signal_number
         leave_closed_terminal()
