@@ -17,12 +17,10 @@
 import os
 import shutil
 import signal
-import subprocess
-import sys
 
 import numpy as np
 import pytest
-from processes import has_ni, wait_until
+from processes import busy_processes, has_ni, wait_until
 
 from piezo_ros.bag import BagError, open_recording, read, salvage
 from piezo_ros.model.rig import RigParameters
@@ -132,16 +130,9 @@ def test_ten_streamed_seconds_at_100_khz_are_the_readings_of_the_rig(rig, clock)
 @pytest.mark.timeout(600)
 @pytest.mark.skipif(not has_ni(), reason='nidaqmx[grpc] is not installed')
 def test_ten_prefilled_seconds_at_100_khz_do_not_run_dry_however_busy_the_machine_is(rig):
-    burners = [
-        subprocess.Popen([sys.executable, '-c', 'while True: pass'])
-        for _ in range(2 * (os.cpu_count() or 1))]
-    try:
+    with busy_processes(2 * (os.cpu_count() or 1)):
         command, run = ten_seconds(
             rig, ('--wall-clock', 1), prefill_samples=0, buffer_samples=1_200_000)
-    finally:
-        for burner in burners:
-            burner.kill()
-            burner.wait()
     assert_whole_seconds(command, run)
     assert open_recording(the_bag(rig.directory / 'out')).metadata['device_played'] == (
         'whole run prefilled')

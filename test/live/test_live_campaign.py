@@ -15,8 +15,6 @@
 """What the live graph leaves behind: the same bits however it is run, in bags anyone can read."""
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +22,7 @@ import pytest
 import yaml
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
+from processes import busy_processes
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 
@@ -112,14 +111,8 @@ def test_a_kept_graph_gives_the_bits_of_the_offline_simulation(kept, offline):
 
 @pytest.mark.slow
 def test_a_loaded_machine_gives_the_same_bits(rig, write_plan, offline):
-    burners = [
-        subprocess.Popen([sys.executable, '-c', 'while True: pass']) for _ in range(2)]
-    try:
+    with busy_processes(2):
         bags = _bags(rig, 'run', write_plan('fbff', periods=3), '--separate')
-    finally:
-        for burner in burners:
-            burner.kill()
-            burner.wait()
     _assert_same_bits(bags, offline[3:4])
 
 

@@ -56,6 +56,19 @@ def wait_until(condition, what, timeout_s=PATIENCE_S):
     return value
 
 
+@contextlib.contextmanager
+def busy_processes(number):
+    """Have so many processes beside that take all the time that they get."""
+    burners = [
+        subprocess.Popen([sys.executable, '-c', 'while True: pass']) for _ in range(number)]
+    try:
+        yield
+    finally:
+        for burner in burners:
+            burner.kill()
+            burner.wait()
+
+
 def _heed_signals():
     # Tests inherit that SIGINT is ignored in the background, and SIGHUP below nohup.
     for number in (signal.SIGINT, signal.SIGHUP):
