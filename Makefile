@@ -74,7 +74,7 @@ test: $(TEST_READY)  ## style, types, tiers (test_lint.py), all other tests but 
 			"$$($(BIN)/coverage report --format=total) %"; \
 	else echo 'Coverage is measured here from Python 3.12 on, by make coverage on any.'; fi
 
-test-slow: $(TEST_READY) $(DOCS_READY)  ## the tests marked slow: long ones, more cases of what quick ones hold
+test-slow: $(TEST_READY) $(DOCS_READY)  ## the tests marked slow: long ones, and more cases of what quick tests check
 	$(PYTEST) -m slow $(PYTEST_ARGS)
 
 test-matrix:  ## all tests on Jazzy and Kilted, Python 3.10 and 3.12, newest and oldest versions: hours

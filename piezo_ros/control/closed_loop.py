@@ -42,20 +42,42 @@ __all__ = ['BareRun', 'ClosedLoopRun', 'run_loop', 'simulate', 'simulate_bare', 
 
 
 class ClosedLoopRun(NamedTuple):
-    """Every stream of a run; displacement has one sample more than the others."""
+    """
+    Every stream of a run, as deviations from the operating point.
 
-    reference_um: NDArray[np.float64]  # (N,)
-    feedforward_um: NDArray[np.float64]  # (N,)
-    command_um: NDArray[np.float64]  # (N,)
-    voltage_v: NDArray[np.float64]  # (N,)
-    displacement_um: NDArray[np.float64]  # (N + 1,)
+    Attributes
+    ----------
+    reference_um, feedforward_um, command_um : ndarray, shape (N,)
+        Desired displacement y_d, feedforward u_ff and linearised command v, micrometres.
+    voltage_v : ndarray, shape (N,)
+        Amplifier input u, volts.
+    displacement_um : ndarray, shape (N + 1,)
+        Readings y, micrometres; y[k] is taken before u[k] acts.
+
+    """
+
+    reference_um: NDArray[np.float64]
+    feedforward_um: NDArray[np.float64]
+    command_um: NDArray[np.float64]
+    voltage_v: NDArray[np.float64]
+    displacement_um: NDArray[np.float64]
 
 
 class BareRun(NamedTuple):
-    """The streams of a run without controller and compensator."""
+    """
+    The streams of a run without controller and compensator.
 
-    voltage_v: NDArray[np.float64]  # (N,)
-    displacement_um: NDArray[np.float64]  # (N + 1,)
+    Attributes
+    ----------
+    voltage_v : ndarray, shape (N,)
+        Amplifier input, volts, from the operating point.
+    displacement_um : ndarray, shape (N + 1,)
+        Readings, micrometres, from the operating point; y[k] is taken before u[k] acts.
+
+    """
+
+    voltage_v: NDArray[np.float64]
+    displacement_um: NDArray[np.float64]
 
 
 def simulate_bare(plant: RigParameters, trajectory: TrajectoryParameters) -> BareRun:

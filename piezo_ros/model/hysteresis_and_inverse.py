@@ -202,7 +202,7 @@ class MaxwellResistiveCapacitor:
 
 class InverseHysteresis:
     """
-    The compensator of (5) in Liu 2015: the exact inverse of an MRC model, of a virgin stage.
+    The compensator of section 2 in Liu 2015: the exact inverse of an MRC model, of a virgin stage.
 
     Parameters
     ----------

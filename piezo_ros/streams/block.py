@@ -68,7 +68,19 @@ class Block(NamedTuple):
 
 
 class ArrayBlock(NamedTuple):
-    """A `Block` with its samples as an array."""
+    """
+    A `Block` with its samples as an array.
+
+    Attributes
+    ----------
+    index : int
+        Index of the first sample.
+    sample_period_s : float
+        Sample period, seconds.
+    samples : ndarray, shape (N,)
+        In the stream's unit.
+
+    """
 
     index: int  # type: ignore[assignment]
     sample_period_s: float

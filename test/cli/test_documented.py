@@ -23,6 +23,9 @@ import yaml
 from piezo_ros.cli.shared.command_line import argument_parser
 from piezo_ros.experiment.plan import read_plan
 from piezo_ros.experiment.plan.hardware_entry import complete_plant
+from piezo_ros.experiment.plan.plan_file import PLAN_KEYS
+from piezo_ros.experiment.plan.run_entry import RUN_KEYS
+from piezo_ros.experiment.sweep import distribution, sweep_plan
 from piezo_ros.model import ParameterError
 from piezo_ros.parameters.node_parameters import NODE_PARAMETERS, check_node_parameters
 from piezo_ros.parameters.parameter_file import read_parameter_file
@@ -93,6 +96,15 @@ def test_b9_every_printed_plan_and_parameter_file_is_taken(tmp_path, text, conte
                 check_node_parameters(node, values)
         except ParameterError as error:
             pytest.fail(f'{node}: {error}')
+
+
+def test_the_page_of_plans_explains_every_key_in_a_table():
+    page = (ROOT / 'docs' / 'plans.md').read_text(encoding='utf-8')
+    explained = {
+        key for row in re.findall(r'^\| (`[^|]*`) \|', page, re.MULTILINE)
+        for key in re.findall(r'`(\w+)`', row)}
+    assert explained == {
+        *PLAN_KEYS, *RUN_KEYS, *sweep_plan.KEYS, *distribution.KINDS, *distribution.RELATIVE}
 
 
 @pytest.mark.parametrize('command', COMMANDS)

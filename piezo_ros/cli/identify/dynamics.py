@@ -55,7 +55,7 @@ def add_kind(kinds: Any) -> None:
     """Describe the arguments of this kind."""
     kind = kinds.add_parser(
         'dynamics', help='G(s), (6) or another one that the points ask for, from command and '
-        'displacement of a stepped sine or multisine')
+        'displacement of a stepped sine, multisine, noise or chirp, or from a table')
     kind.add_argument(
         '--maximum-frequency-hz', type=float, default=math.inf, metavar='F',
         help='leave out what is above')

@@ -39,10 +39,10 @@ from piezo_ros.parameters.parameter_file import (
 )
 from piezo_ros.parameters.run import PlannedRun
 
-__all__ = ['STUDIES', 'Plan', 'read_plan']
+__all__ = ['PLAN_KEYS', 'STUDIES', 'Plan', 'read_plan']
 
 FORMAT_VERSION: Final = 1
-_PLAN_KEYS: Final = (
+PLAN_KEYS: Final = (
     'format_version', 'title', 'parameter_files', MODEL_RIG_KEY, 'known_rig_files',
     'uncertainty_bound_file',
     'sample_period_s', 'score_periods', 'runs', 'study', 'sweep', 'scans', 'scan_defaults')
@@ -126,7 +126,7 @@ def read_plan(path: Path) -> Plan:
     if not isinstance(content, Mapping):
         raise PlanError(f'{path} is no plan: the top level must be a mapping')
     with naming_line(str(path), path, content):
-        refuse_unknown(str(path), content, _PLAN_KEYS)
+        refuse_unknown(str(path), content, PLAN_KEYS)
     version = content.get('format_version')
     if version != FORMAT_VERSION:
         raise PlanError(f'{path}: format_version is {version!r}, only {FORMAT_VERSION} is known')

@@ -30,7 +30,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ['KINDS', 'Distribution', 'read_distribution']
+__all__ = ['KINDS', 'RELATIVE', 'Distribution', 'read_distribution']
 
 _Draw = Callable[[np.random.Generator, tuple[float, ...], tuple[int, int]], NDArray[Any]]
 
@@ -56,7 +56,7 @@ KINDS: Final[Mapping[str, tuple[str, _Draw]]] = {
         'a list of values', lambda generator, p, shape: generator.integers(0, int(p[0]), shape)),
 }
 _BLOCK: Final = 256  # draws that are made at once
-_RELATIVE: Final = ('times', 'each_times')
+RELATIVE: Final = ('times', 'each_times')
 
 
 @dataclass(frozen=True)
@@ -140,12 +140,12 @@ def read_distribution(content: Any) -> Distribution:
     """
     kind, arguments = _only_entry(content)
     relative = ''
-    if kind in _RELATIVE:
+    if kind in RELATIVE:
         relative = kind
         kind, arguments = _only_entry(arguments)
     if kind not in KINDS:
         raise ValueError(
-            f'{kind!r} is no distribution, allowed are {", ".join((*KINDS, *_RELATIVE))}')
+            f'{kind!r} is no distribution, allowed are {", ".join((*KINDS, *RELATIVE))}')
     _check(kind, arguments, relative)
     return Distribution(kind, tuple(arguments), relative)
 

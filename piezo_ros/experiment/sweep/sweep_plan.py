@@ -29,9 +29,9 @@ from piezo_ros.parameters.file_lines import naming_line
 from piezo_ros.parameters.node_parameters import LOOP_NODES, check_node_parameters, parameter_names
 from piezo_ros.parameters.run import PlannedRun
 
-__all__ = ['SweepPlan', 'read_sweep']
+__all__ = ['KEYS', 'SweepPlan', 'read_sweep']
 
-_KEYS: Final = ('draws', 'seed', 'parameters')
+KEYS: Final = ('draws', 'seed', 'parameters')
 _MOST_DRAWS: Final = 10**7
 
 
@@ -155,7 +155,7 @@ def read_sweep(plan: Plan) -> SweepPlan:
     if not isinstance(content, Mapping):
         raise PlanError(f'{where}: sweep is {content!r}, it must be a mapping')
     with naming_line(where, plan.path, content):
-        refuse_unknown(where, content, _KEYS, ' of sweep')
+        refuse_unknown(where, content, KEYS, ' of sweep')
     if any(run.bare for run in plan.runs):
         raise PlanError(f'{where}: a run with output voltage follows no reference and has no score')
     sweep = SweepPlan(

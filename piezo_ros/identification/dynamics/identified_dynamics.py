@@ -130,6 +130,11 @@ class DynamicsFit:
         frequency_hz : array_like, shape (N,)
             Frequencies, hertz.
 
+        Returns
+        -------
+        ndarray of complex, shape (N,)
+            The response, um/um.
+
         """
         s = np.asarray(1j * self._scaled(frequency_hz), dtype=np.complex128)
         return response(self._fit.sections, s)[0]
@@ -142,6 +147,11 @@ class DynamicsFit:
         ----------
         frequency_hz : array_like, shape (N,)
             Frequencies below the Nyquist frequency, hertz.
+
+        Returns
+        -------
+        ndarray of complex, shape (N,)
+            The response, um/um.
 
         """
         return self._sampled(frequency_hz)[0]

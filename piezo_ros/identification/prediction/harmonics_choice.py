@@ -95,7 +95,7 @@ def choose_harmonics(
     model, compensator, uncertainty, accuracy, score_periods
         As for `predict_tracking`.
     trajectory : TrajectoryParameters
-        The scan, a triangle or a sine, with the dynamics that the feedforward inverts; its own
+        The scan, a waveform that repeats, with the dynamics that the feedforward inverts; its own
         ``harmonics`` does not matter.
     controller : ControllerParameters
         Gains and scheme, ``'ff'`` or ``'fbff'``.
@@ -105,7 +105,7 @@ def choose_harmonics(
     Returns
     -------
     HarmonicsChoice
-        The choice, and the predicted error of every odd m.
+        The choice, and the predicted error of every m that was tried.
 
     Raises
     ------

@@ -223,7 +223,7 @@ def predict_operating_point(
     model, compensator, uncertainty, accuracy, score_periods
         As for `predict_tracking`. Only a rig shows where the amplifier cannot follow.
     trajectory : TrajectoryParameters
-        The scan, a triangle or a sine, with the dynamics that its feedforward inverts.
+        The scan, a waveform that repeats, with the dynamics that its feedforward inverts.
     controller : ControllerParameters
         The gains; its own scheme does not matter.
     harmonics_open : bool, optional
@@ -309,6 +309,16 @@ def predict_operating_points(
     cells : iterable of (amplitude in um, frequency in Hz)
         The operating points.
 
+    Returns
+    -------
+    tuple of OperatingPoint
+        In the order of the cells.
+
+    Raises
+    ------
+    ParameterError, ValueError
+        As for `predict_operating_point`.
+
     """
     return tuple(
         predict_operating_point(
@@ -375,6 +385,11 @@ def feedback_table(points: Sequence[OperatingPoint]) -> FeedbackTable:
     ----------
     points : sequence of OperatingPoint
         Several frequencies of each amplitude.
+
+    Returns
+    -------
+    FeedbackTable
+        Amplitudes ascending, micrometres, and the frequencies, hertz.
 
     """
     rows: dict[float, list[OperatingPoint]] = {}

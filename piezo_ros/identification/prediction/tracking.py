@@ -225,7 +225,8 @@ def predict_tracking(
         and rails of the amplifier) is simulated too, with its poles before and behind the
         hysteresis; where ``hysteresis_place`` is ``'undecided'``, with every place.
     trajectory : TrajectoryParameters
-        A triangle or a sine, its feedforward and the sample period.
+        A waveform that repeats (triangle, sine, sawtooth, staircase, lissajous), with its
+        feedforward and the sample period.
     controller : ControllerParameters
         Scheme, gains and delay of the measurement.
     compensator : HysteresisParameters, optional

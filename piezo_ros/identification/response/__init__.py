@@ -12,4 +12,4 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Frequency responses of recorded runs, the dynamics fitted to them, and their uncertainty."""
+"""Frequency responses of recorded runs, and their uncertainty."""

@@ -26,7 +26,17 @@ _BLOCKS: Final = 24  # a limit that is reached for a moment costs two of so many
 
 
 class Amplifier(NamedTuple):
-    """Limits of the amplifier; infinite where unknown."""
+    """
+    Limits of the amplifier; infinite where unknown.
+
+    Attributes
+    ----------
+    slew_limit_v_per_s : float
+        Fastest change of its input, V/s.
+    voltage_minimum_v, voltage_maximum_v : float
+        Rails, volts; deviations from the operating point where the recorded voltage is one.
+
+    """
 
     slew_limit_v_per_s: float = math.inf
     voltage_minimum_v: float = -math.inf

@@ -67,7 +67,19 @@ _RELATIVE_FLOOR = 1e-9  # smallest standard error, relative to the response
 
 
 class ExcludedPoint(NamedTuple):
-    """A point that was measured and left out."""
+    """
+    A point that was measured and left out.
+
+    Attributes
+    ----------
+    frequency_hz : float
+        Its frequency, hertz.
+    amplitude, offset : float
+        Of the input, in its unit.
+    reason : str
+        Why it was left out.
+
+    """
 
     frequency_hz: float
     amplitude: float

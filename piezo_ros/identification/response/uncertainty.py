@@ -62,9 +62,9 @@ class UncertaintyBound:
     frequency_hz : ndarray, shape (N,)
         Frequencies of all measured points, ascending.
     uncertainty : ndarray of complex, shape (N,)
-        Delta at these points, (7) in Liu 2015.
+        Delta at these points, (7) in Liu 2015; dimensionless.
     amplitude, offset : ndarray, shape (N,)
-        Amplitude and offset of the excitation at each point.
+        Amplitude and offset of the excitation at each point, in the unit of the input.
     maximum_frequency_hz, maximum : ndarray, shape (F,)
         Largest |Delta| over all conditions, frequency by frequency.
 
