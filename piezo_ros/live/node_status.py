@@ -38,6 +38,7 @@ _FIELDS: Final[dict[str, tuple[tuple[type, ...], Any]]] = {
     'elapsed_s': ((float, int), 0.0),
 }
 _OVER: Final = ('finished', 'faulted', 'stopped', 'inactive', 'unconfigured')
+_LARGEST: Final = 2**53  # of an integer: more is no index, and no float may hold it
 _SHOWN: Final = 60  # characters of a refused text
 
 
@@ -74,6 +75,8 @@ def parse_status(text: str) -> dict[str, Any]:
             raise BadStatusError(f'{name} is {value!r} in {shown}')
         if isinstance(value, float) and not math.isfinite(value):
             raise BadStatusError(f'{name} is {value} in {shown}, it must be finite')
+        if isinstance(value, int) and abs(value) > _LARGEST:
+            raise BadStatusError(f'{name} is no number of a node in {shown}')
     if status['node'] not in NODE_PARAMETERS:
         raise BadStatusError(
             f'node is {status["node"]!r} in {shown}, it must be one of '

@@ -183,7 +183,7 @@ class Controller(LoopNode):
                 self._schedule, next_index=self._command.next_index, first=self._paired.first,
                 unfed_topic=unfed_topic(self._paired.feedforward)))
 
-        self.between_samples(schedule)
+        self.requests.during_run(schedule)
         return refusals[0]
 
     def has_waiting(self, reader: StreamReader) -> bool:

@@ -177,12 +177,8 @@ class HardwarePlant(LoopNode):
 
     def initialise(self) -> str:
         """Demagnetise the stage with a decaying triangle; the inverse assumes one without past."""
-        if self.running:
-            raise ServiceRefusedError('a run is going on; call ~/stop or deactivate first')
-        if not self.is_configured:
-            raise ServiceRefusedError('the node is not configured')
         try:
-            self.between_samples(self._output.initialise)
+            self.requests.between_runs(self._output.initialise)
         except DeviceError as error:
             raise ServiceRefusedError(str(error)) from None
         return self._output.describe_triangle()

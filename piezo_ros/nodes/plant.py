@@ -36,7 +36,6 @@ from piezo_ros.parameters.node_parameters import (
 )
 from piezo_ros.runtime.node.answering import AnsweringNode
 from piezo_ros.runtime.node.parameters import read
-from piezo_ros.runtime.node.rclpy_node.stream_node import ServiceRefusedError
 from piezo_ros.runtime.streams.bursts import publish_blocks
 from piezo_ros.runtime.streams.reader import StreamReader
 
@@ -175,11 +174,7 @@ class Plant(AnsweringNode):
 
     def initialise(self) -> str:
         """Demagnetise the stage with a decaying triangle; the inverse assumes one without past."""
-        if self.running:
-            raise ServiceRefusedError('a run is going on; call ~/stop or deactivate first')
-        if not self.is_configured:
-            raise ServiceRefusedError('the node is not configured')
-        self.between_samples(
+        self.requests.between_runs(
             lambda: self._kept.demagnetise(self._history, self._safety.safe_slew_v_per_s))
         return self._kept.describe_triangle(self._history)
 

@@ -120,7 +120,7 @@ class Trajectory(LoopNode):
         if not (self.running and 'file' in changes):
             return '' if at_sample < 0 else _without_run(at_sample)
         refusals: list[str] = []
-        self.between_samples(
+        self.requests.during_run(
             lambda: refusals.append(self._change_file(str(changes['file']), at_sample)))
         return refusals[0]
 

@@ -31,12 +31,12 @@ from rclpy.exceptions import NameValidationException, ParameterException
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.lifecycle import TransitionCallbackReturn
 
-from piezo_ros.runtime.node.given_parameters import check_given_parameters
 from piezo_ros.runtime.node.handshake import await_acknowledgements
 from piezo_ros.runtime.node.loop_node import LoopNode
 from piezo_ros.runtime.process.distribution import make_events_executor
 from piezo_ros.runtime.process.leaving import exit_after
 from piezo_ros.runtime.process.middleware import initialise_rclpy
+from piezo_ros.runtime.process.parameter_check import check_given_parameters
 from piezo_ros.runtime.process.parent import PARENT_VARIABLE
 from piezo_ros.runtime.process.running_time import RunningTime
 from piezo_ros.runtime.process.stop_request import StopRequest

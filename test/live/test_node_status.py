@@ -53,6 +53,9 @@ def test_what_a_foreign_node_does_not_say_has_a_value():
     (json.dumps({**GOOD, 'state': None}), 'state is None'),
     (json.dumps({**GOOD, 'voltage_v': math.nan}), 'voltage_v is nan'),
     (json.dumps({**GOOD, 'voltage_v': []}), r'voltage_v is \[\]'),
+    (json.dumps({**GOOD, 'index': 10**400}), 'index is no number of a node'),
+    (json.dumps({**GOOD, 'voltage_v': -10**400}), 'voltage_v is no number of a node'),
+    (json.dumps({**GOOD, 'elapsed_s': 10**400}), 'elapsed_s is no number of a node'),
 ])
 def test_anything_else_is_refused_by_what_is_wrong(text, what):
     with pytest.raises(BadStatusError, match=what) as raised:

@@ -50,7 +50,7 @@ class _OnFakeTransport(FakeOwner):
     def begin_at(self, index):
         super(FakeOwner, self).begin_at(index)  # that of the node
 
-    def between_samples(self, action):
+    def between_samples(self, action, refusal=str):
         action()
 
     def create_trigger(self, name, action):

@@ -29,6 +29,7 @@ from piezo_ros.parameters.role_parameters import parameter_files, role_parameter
 from piezo_ros.runtime.node.hooks import NodeHooks
 from piezo_ros.runtime.node.parameters import declare, names_by_change, plain, read
 from piezo_ros.runtime.node.rclpy_node.guard import guarded
+from piezo_ros.runtime.node.rclpy_node.stream_node import ServiceRefusedError
 
 __all__ = ['ParameterChanges']
 
@@ -120,9 +121,13 @@ class ParameterChanges:
                     return (
                         f'{name} takes effect at an activation and cannot change during a run; '
                         'deactivate first')
-        return node.change_parameters(changes)
+        try:
+            return node.change_parameters(changes)
+        except ServiceRefusedError as refusal:
+            return str(refusal)
 
     def _after(self, changes: list[Parameter]) -> None:
+        # Also while the node configures, which may have read them already.
+        self._has_unread = True
         if self._node.is_configured:
-            self._has_unread = True
             self._take(read(self._node, LoopNodeParameters))

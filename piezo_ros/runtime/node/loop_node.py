@@ -27,16 +27,15 @@ from rclpy.publisher import Publisher
 
 from piezo_ros.parameters.node_parameters import LoopNodeParameters
 from piezo_ros.runtime.node.changes import ParameterChanges
-from piezo_ros.runtime.node.handshake import await_acknowledgements, await_peers
+from piezo_ros.runtime.node.handshake import await_peers
 from piezo_ros.runtime.node.hooks import NodeHooks
 from piezo_ros.runtime.node.observation import Diagnostics, Monitor
+from piezo_ros.runtime.node.rclpy_node.stream_node import ServiceRefusedError
 from piezo_ros.runtime.node.run import Run
+from piezo_ros.runtime.node.run_requests import RunRequests
 from piezo_ros.runtime.node.status import Status
-from piezo_ros.runtime.process.running_time import RunningTime
 
 __all__ = ['LoopNode']
-
-_FAREWELL_S = 2.0  # how long the readers of an interrupted run have for its end
 
 
 class LoopNode(NodeHooks):
@@ -63,14 +62,15 @@ class LoopNode(NodeHooks):
         self._monitor = Monitor(self)
         self._diagnostics = Diagnostics(self)
         self.run = Run(self, self.status, self._monitor)
-        self.create_trigger('reset', self.run.reset)
-        self.create_trigger('stop', self.run.stop_by_service)
+        self.requests = RunRequests(self, self.run, self.status)
+        self.create_trigger('reset', self.requests.reset)
+        self.create_trigger('stop', self.requests.stop)
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Read the parameters and create every endpoint."""
         try:
-            self._read_parameters()
             self._changes.note_endpoints()
+            self._read_parameters()
             self.create_streams()
             self.create_endpoints()
             self._monitor.create_endpoints()
@@ -91,17 +91,15 @@ class LoopNode(NodeHooks):
                 f'a fault is latched until ~/reset is called: {self.run_state.fault}'))
         self.is_activating, self.was_given_up = True, False
         try:
-            if self._changes.has_unread:
-                # The endpoints stay.
-                self._changes.check_endpoints()
-                self._read_parameters()
+            self._read_changes()
             missing = await_peers(self)
             if missing:
                 return self._give_up(missing) if self.given_up else self._refuse(
                     'activate', missing)
+            self._read_changes()
             self.between_samples(self._begin)
         except Exception as error:  # rclpy would swallow it.
-            if self.stop_requested:
+            if self.stop_requested or self.given_up:
                 return self._give_up('stopped while getting ready')
             return self._refuse('activate', error)
         finally:
@@ -110,21 +108,16 @@ class LoopNode(NodeHooks):
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """End the run; nothing is taken any more."""
-        self.between_samples(lambda: self.stop('deactivated'))
-        # A reader that begins a run after this finds the end of this one among what has come.
-        waited = RunningTime()
-        await_acknowledgements(self.publishers_of_run, lambda: waited.elapsed_s() < _FAREWELL_S)
+        self.requests.end_for_readers('deactivated', self.publishers_of_run)
         self._monitor.stop()
         self.status.report('inactive')
         return TransitionCallbackReturn.SUCCESS
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Destroy every endpoint."""
-        def leave() -> None:
-            self.stop('cleaned up')
-            self.is_configured = False  # The stream loop touches no endpoint any more.
-
-        self.between_samples(leave)
+        self.requests.end('cleaned up')
+        # The stream loop touches no endpoint any more.
+        self.between_samples(lambda: setattr(self, 'is_configured', False))
         # Not while the executor looks at them.
         self.in_executor(self._destroy_endpoints)
         self.status.report('unconfigured')
@@ -136,7 +129,7 @@ class LoopNode(NodeHooks):
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
         """End the run, and the process with it unless other nodes live there."""
-        self.between_samples(lambda: self.stop('shut down'))
+        self.requests.end('shut down')
         self.status.report('finalized')
         self.is_shut_down = True
         return TransitionCallbackReturn.SUCCESS
@@ -147,16 +140,21 @@ class LoopNode(NodeHooks):
         with self._interruptible():
             self.configure()
 
+    def _read_changes(self) -> None:
+        if self._changes.has_unread:
+            self._changes.check_endpoints()  # They stay.
+            self._read_parameters()
+
     def _take_changes(self, settings: LoopNodeParameters) -> None:
         self.settings = settings
         self.parameters_changed()
         self._monitor.use_rate(settings.monitor_rate_hz)
 
     def _begin(self) -> None:
-        self.run.prepare()
-        with self._interruptible():
+        if self.given_up:
+            raise ServiceRefusedError('the run is not wanted any more')
+        with self.run.beginning(), self._interruptible():
             self.start()
-        self.run.begin()
 
     @contextmanager
     def _interruptible(self) -> Iterator[None]:

@@ -15,11 +15,12 @@
 """The run of a node: its begin, what is looked after while it goes on, and its end."""
 
 import traceback
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 from piezo_ros.runtime.node.hooks import NodeHooks
 from piezo_ros.runtime.node.observation import Monitor
 from piezo_ros.runtime.node.rclpy_node.guard import explain
-from piezo_ros.runtime.node.rclpy_node.stream_node import ServiceRefusedError
 from piezo_ros.runtime.node.status import Status
 from piezo_ros.runtime.streams.fault import StreamFault
 
@@ -32,7 +33,7 @@ class Run:
     """
     The runs of a node, one after the other.
 
-    Everything but `reset` and `stop_by_service` is called by the stream loop.
+    The stream loop calls it; `RunRequests` is for other threads.
 
     Parameters
     ----------
@@ -50,7 +51,23 @@ class Run:
         self._monitor = monitor
         self._next_check_s = 0.0
 
-    def prepare(self) -> None:
+    @contextmanager
+    def beginning(self) -> Iterator[None]:
+        """Begin a run around what sets the node to its initial state, unless that fails."""
+        self._prepare()
+        try:
+            yield
+        except BaseException:
+            # What has come is of the next run.
+            for reader in self._node.readers.values():
+                reader.give_up()
+            raise
+        self._monitor.start()
+        self._node.running = True
+        self._status.report('active')
+        self._node.get_logger().info(f'run {self._state.number} begins')
+
+    def _prepare(self) -> None:
         """Set the streams to the begin of a run, and forget how the last one ended."""
         node, state = self._node, self._state
         start_index, period_s = node.settings.start_index, node.settings.sample_period_s
@@ -61,13 +78,6 @@ class Run:
         state.is_over, state.reason, state.result, state.by_peer = False, '', '', False
         state.number += 1
         node.quick = node.look
-
-    def begin(self) -> None:
-        """Begin; streams and node are ready."""
-        self._monitor.start()
-        self._node.running = True
-        self._status.report('active')
-        self._node.get_logger().info(f'run {self._state.number} begins')
 
     def housekeeping(self, now_s: float) -> None:
         """Look after peers, time limits and status; called a few times a second."""
@@ -160,28 +170,3 @@ class Run:
             node.get_logger().info(
                 f'run {state.number} {state.result}{why}: {node.counts()["samples"]} samples')
         self._status.report(result)
-
-    # -- services ---------------------------------------------------------------------------------
-
-    def reset(self) -> str:
-        """Clear a latched fault, so that the next activation is allowed."""
-        if self._node.running:
-            raise ServiceRefusedError('a run is going on; call ~/stop or deactivate first')
-        state = self._state
-        was = f'cleared: {state.fault}' if state.has_failed else 'there was no fault'
-        state.has_failed, state.fault, state.reason = False, '', ''
-        self._status.report()
-        return was
-
-    def stop_by_service(self) -> str:
-        """End the run, or give up the activation before it."""
-        node, state = self._node, self._state
-        if node.is_activating and not node.running:
-            node.given_up = True
-            return 'the activation is given up'
-        if not node.running:
-            raise ServiceRefusedError('no run is going on')
-        # First, so that a writer that waits for its reader gives up.
-        node.stop_requested = True
-        node.between_samples(lambda: self.stop('asked to by ~/stop'))
-        return f'{state.result}: {state.reason}' if state.reason else state.result

@@ -147,6 +147,10 @@ class StreamReader:
         """Return a message of one sample as the run that has begun expects it."""
         return self._codec.encode(0, self._period_s or 0.0, [0.0])
 
+    def give_up(self) -> None:
+        """Begin no run after all; nothing was taken of it, and the next one may have it."""
+        self._is_open = False
+
     def discard_rest(self) -> None:
         """Throw away the messages of a run that was ended here before its end marker came."""
         self._interrupt()

@@ -86,8 +86,8 @@ def test_a_fault_is_latched_until_it_is_reset(run):
     assert not run.node.running
     assert run.node.on_activate(None) == TransitionCallbackReturn.FAILURE
     assert 'a fault is latched until ~/reset is called' in run.node.logger.texts['error'][-1]
-    assert run.node.run.reset() == 'cleared: /rig/command lacks the samples 0 … 4'
-    assert run.node.run.reset() == 'there was no fault'
+    assert run.node.requests.reset() == 'cleared: /rig/command lacks the samples 0 … 4'
+    assert run.node.requests.reset() == 'there was no fault'
     run.begin_streams()
     activate(run.node)
     assert run.state.number == 2
@@ -136,14 +136,14 @@ def test_a_stop_is_no_fault_and_ends_the_stream_once(run):
 
 
 def test_the_stop_service_ends_a_run_or_refuses(run):
-    assert run.node.run.stop_by_service() == 'stopped: asked to by ~/stop'
+    assert run.node.requests.stop() == 'stopped: asked to by ~/stop'
     with pytest.raises(ServiceRefusedError, match='no run is going on'):
-        run.node.run.stop_by_service()
+        run.node.requests.stop()
 
 
 def test_the_reset_service_is_refused_during_a_run(run):
     with pytest.raises(ServiceRefusedError, match='a run is going on'):
-        run.node.run.reset()
+        run.node.requests.reset()
 
 
 def test_an_error_while_coming_to_rest_is_noted_and_the_end_reported(run):
@@ -171,3 +171,93 @@ def test_stragglers_of_a_stopped_run_are_thrown_away_between_the_runs(run, clock
     run.command.publish_one(3.0)
     run.node.poll()
     assert run.node.readers['command'].received == 1
+
+
+def test_what_comes_for_a_run_that_cannot_begin_is_of_the_next_one(run):
+    run.node.stop('deactivated')
+    run.command.end()
+    run.begin_streams()
+    start = run.node.start
+
+    def refuse():
+        # A source without feedback has sent everything by now.
+        run.command.publish([1.0, 2.0])
+        run.command.end()
+        raise ValueError('the device is busy')
+
+    run.node.start = refuse
+    assert run.node.on_activate(None) == TransitionCallbackReturn.FAILURE
+    run.node.start = start
+    assert run.node.on_activate(None) == TransitionCallbackReturn.SUCCESS
+    run.node.poll()
+    assert run.node.readers['command'].received == 2
+
+
+def test_an_activation_that_was_given_up_meanwhile_begins_no_run(run):
+    run.node.stop('deactivated')
+    run.begin_streams()
+    begin = run.node._begin
+
+    def begin_late():
+        assert run.node.requests.stop() == 'the activation is given up'
+        begin()
+
+    run.node._begin = begin_late
+    assert run.node.on_activate(None) == TransitionCallbackReturn.FAILURE
+    assert not run.node.running
+    assert run.node.was_given_up
+
+
+def test_what_is_no_business_of_a_run_is_refused_once_one_has_begun(run):
+    done = []
+    with pytest.raises(ServiceRefusedError, match='a run is going on'):
+        run.node.requests.between_runs(lambda: done.append(True))
+    run.node.stop('deactivated')
+    run.node.is_activating = True
+    with pytest.raises(ServiceRefusedError, match='a run is about to begin'):
+        run.node.requests.between_runs(lambda: done.append(True))
+    run.node.is_activating = False
+
+    def begins_before(action, refusal=str):
+        run.node.running = True
+        action()
+
+    run.node.between_samples = begins_before
+    with pytest.raises(ServiceRefusedError, match='a run is going on'):
+        run.node.requests.between_runs(lambda: done.append(True))
+    assert not done
+
+
+@pytest.mark.parametrize('transition', ['on_deactivate', 'on_cleanup', 'on_shutdown'])
+def test_a_transition_lets_a_writer_give_up_that_waits_for_its_reader(run, transition):
+    asked = []
+    served = run.node.between_samples
+
+    def look(action, refusal=str):
+        asked.append(run.node.stop_requested)
+        served(action)
+
+    run.node.between_samples = look
+    getattr(run.node, transition)(None)
+    assert asked[0]
+    assert not run.node.stop_requested
+    assert not run.node.running
+
+
+def test_a_parameter_that_is_set_while_the_node_configures_is_read_for_the_run(run):
+    run.node.on_deactivate(None)
+    run.node.on_cleanup(None)
+    run.node.configure = lambda: run.node._changes._after([])
+    assert run.node.on_configure(None) == TransitionCallbackReturn.SUCCESS
+    assert run.node._changes.has_unread
+
+
+def test_a_change_of_a_run_is_refused_while_a_reader_does_not_take(run):
+    refusals = []
+    run.node.between_samples = lambda action, refusal=str: refusals.append(refusal())
+    run.node.requests.during_run(lambda: None)
+    run.node.writers['voltage'].outlet.is_waiting = True
+    run.node.requests.during_run(lambda: None)
+    assert refusals == [
+        '', '/rig/voltage waits for a reader that does not take its messages; end that reader or '
+        'call ~/stop']

@@ -37,17 +37,13 @@ from std_srvs.srv import Trigger
 
 from piezo_ros.runtime.node.rclpy_node.guard import explain, guard_services
 from piezo_ros.runtime.node.rclpy_node.hidden_subscriptions import NodeWithHiddenSubscriptions
-from piezo_ros.runtime.node.rclpy_node.thread_request import ThreadRequest
+from piezo_ros.runtime.node.rclpy_node.thread_request import ServiceRefusedError, ThreadRequest
 from piezo_ros.runtime.node.rclpy_node.transitions import TransitionServer
 from piezo_ros.runtime.streams.qos import OVERRIDES, overridable
 
 __all__ = ['ServiceRefusedError', 'StreamNode']
 
 _EXECUTOR_S = 10.0  # it ends with the process, even if it is waited for
-
-
-class ServiceRefusedError(Exception):
-    """What a service was asked for does not go now; the text says why."""
 
 
 class StreamNode(NodeWithHiddenSubscriptions, LifecycleNode):
@@ -82,15 +78,15 @@ class StreamNode(NodeWithHiddenSubscriptions, LifecycleNode):
         """Whether this is called by the thread of the stream loop."""
         return threading.get_ident() == self._thread
 
-    def between_samples(self, action: Callable[[], None]) -> None:
-        """Let the stream loop run an action between two samples, and wait for it."""
+    def between_samples(self, action: Callable[[], None], refusal: Callable[[], str] = str) -> None:
+        """Let the stream loop run an action between two samples; wait for it unless refused."""
         if self.is_stream_loop:
             action()
             return
         request = ThreadRequest(action)
         self._requests.append(request)
         self.wake()
-        request.wait()
+        request.wait_unless(refusal)
 
     def in_executor(self, action: Callable[[], None]) -> None:
         """Let the executor run an action between two callbacks, and wait for it."""
