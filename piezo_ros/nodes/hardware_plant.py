@@ -154,8 +154,9 @@ class HardwarePlant(LoopNode):
             raise StreamFault(str(error)) from None
 
     def has_waiting(self, reader: StreamReader) -> bool:
-        """Return whether samples have come that were not taken yet."""
-        return self._take(self._run_of_device)
+        """Return whether samples have come that were not taken yet, or may have."""
+        run = self._run_of_device
+        return not run.is_prepared or self._take(run)
 
     def change_parameters(self, changes: Mapping[str, Any]) -> str:
         """Refuse a slew that the amplifier does not take, or at which no ramp would end."""

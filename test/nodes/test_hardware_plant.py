@@ -211,6 +211,25 @@ def test_a_device_that_is_gone_is_named_and_its_voltage_is_not_known():
     assert ring.plant.status_fields()['voltage_v'] is None
 
 
+@pytest.mark.parametrize('start_index', [0, -1])
+def test_a_writer_may_leave_while_the_stage_is_demagnetised(start_index, clock):
+    ring = Ring(scheme='open_loop', lookahead_samples=2000, device=PACED, demagnetise=True,
+                initialise_levels=3, start_index=start_index, lost_writer_timeout_s=0.5,
+                trajectory={**GENTLE, 'periods': 0.2}).begin()
+    poll_all(*[node for node in ring.nodes if node is not ring.plant])
+    step([ring.plant])  # at rest; the triangle is next
+    for publisher in list(ring.transport.publishers['/rig/voltage']):
+        publisher.destroy()
+    clock.run(2.0, lambda: ring.plant.run.housekeeping(clock.now_s))
+    assert take_all(ring.reader) == []
+    while ring.plant.running:
+        step([ring.plant])
+    assert ring.plant.run_state.result == 'finished', ring.plant.run_state.fault
+    assert len(take_all(ring.reader)) == 41
+    assert PacedDevice.devices[-1].output.max() == pytest.approx(5.0)
+    assert_safe(PacedDevice.devices[-1])
+
+
 def test_a_lookahead_that_is_too_short_is_named(clock):
     ring = Ring(lookahead_samples=100)
     ring.begin()

@@ -49,6 +49,8 @@ class HardwareRun:
 
     Attributes
     ----------
+    is_prepared : bool
+        Whether the stage is ready for the first voltage.
     elapsed_s : float
         Wall-clock time that the run took from its start on the device, 0 before its end.
 
@@ -66,7 +68,7 @@ class HardwareRun:
         self._opens_itself = opens_itself
         self._played: ClockedRun | OnDemandRun | None = None
         self._preparation: Iterator[None] = self._prepare()
-        self._is_prepared = False
+        self.is_prepared = False
         self._began_s: float | None = None
         self._sensor = SensorWatch(hardware.reach_v)
 
@@ -78,10 +80,10 @@ class HardwareRun:
 
     def prepare(self) -> bool:
         """Do one step on the way to the start of the run; return whether there was one left."""
-        if self._is_prepared:
+        if self.is_prepared:
             return False
-        self._is_prepared = next(self._preparation, self) is self
-        if self._is_prepared and self._opens_itself:
+        self.is_prepared = next(self._preparation, self) is self
+        if self.is_prepared and self._opens_itself:
             self.open()
         return True
 
