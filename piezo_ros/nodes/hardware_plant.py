@@ -183,7 +183,7 @@ class HardwarePlant(LoopNode):
         if not self.is_configured:
             raise ServiceRefusedError('the node is not configured')
         try:
-            self.between_samples(self._output.initialise)
+            self.between_samples(lambda: self._output.initialise(lambda: self.stop_requested))
         except DeviceError as error:
             raise ServiceRefusedError(str(error)) from None
         return self._output.describe_triangle()

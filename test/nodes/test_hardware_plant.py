@@ -29,6 +29,7 @@ from piezo_ros.nodes.compensator import Compensator
 from piezo_ros.nodes.controller import Controller
 from piezo_ros.nodes.hardware_plant import HardwarePlant
 from piezo_ros.nodes.trajectory import Trajectory
+from piezo_ros.runtime.node.rclpy_node.stream_node import ServiceRefusedError
 
 SLEW_V_PER_S = 1000.0
 PACED = 'paced_device:PacedDevice'
@@ -209,6 +210,28 @@ def test_a_device_that_is_gone_is_named_and_its_voltage_is_not_known():
         step(ring.nodes)
     assert 'does not answer' in ring.plant.run_state.fault
     assert ring.plant.status_fields()['voltage_v'] is None
+
+
+def test_a_stop_while_it_initialises_ends_at_rest(monkeypatch):
+    plant = fake_node(
+        HardwarePlant, FakeTransport(), device=PACED, sample_period_s=1e-3,
+        safe_slew_v_per_s=10.0, output_channel='held 1.0')
+    configure(plant)
+    chunks = []
+
+    def play(device, voltage_v):
+        chunks.append(voltage_v)
+        plant.stop_requested = len(chunks) == 2  # as a signal does
+        return played(device, voltage_v)
+
+    played = PacedDevice.play
+    monkeypatch.setattr(PacedDevice, 'play', play)
+    with pytest.raises(ServiceRefusedError, match='stopped within the triangle'):
+        plant.initialise()
+    assert len(chunks) == 2
+    assert chunks[-1][-1] > 1.0
+    assert plant.status_fields()['voltage_v'] == 0.0
+    assert_safe(PacedDevice.devices[-1], 10.0)
 
 
 @pytest.mark.parametrize('start_index', [0, -1])

@@ -14,7 +14,7 @@
 
 """The output to a stage between runs: found as it was left, ramped to rest, demagnetised."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -166,13 +166,14 @@ class StageOutput:
             ramp_voltage(last_v, 0.0, self._slew_v_per_s, self._period_s),
             np.zeros(max(1, round(_HOLD_S / self._period_s))))
 
-    def initialise(self) -> None:
-        """Demagnetise the stage outside of a run; raises DeviceError."""
+    def initialise(self, is_stopped: Callable[[], bool]) -> None:
+        """Demagnetise the stage outside of a run, unless stopped; raises DeviceError."""
         self.open()
         try:
             self.come_to_rest()
             for _ in self.demagnetise(SensorWatch(self._hardware.reach_v)):
-                pass
+                if is_stopped():
+                    raise DeviceError('stopped within the triangle; the voltage is at rest again')
         finally:
             self.leave()
 
