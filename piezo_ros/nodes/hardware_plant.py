@@ -86,7 +86,6 @@ class HardwarePlant(LoopNode):
         try:
             self._output.open()
         except DeviceError as error:
-            self._output.close()
             raise ValueError(str(error)) from None
         start_index = self.settings.start_index
         self._played = HardwareRun(

@@ -253,6 +253,36 @@ def test_a_writer_may_leave_while_the_stage_is_demagnetised(start_index, clock):
     assert_safe(PacedDevice.devices[-1])
 
 
+@pytest.mark.parametrize('error', [RuntimeError('made up'), OSError('made up')])
+def test_a_voltage_is_not_known_after_a_ramp_that_fails(error, monkeypatch):
+    def ramp_to(device, voltage_v, slew_v_per_s):
+        raise error
+
+    ring = Ring(device=PACED, read_samples=2, lookahead_samples=2000,
+                trajectory={**GENTLE, 'periods': 5.0}).begin()
+    monkeypatch.setattr(PacedDevice, 'ramp_to', ramp_to)
+    while not ring.plant.status_fields()['voltage_v']:
+        step(ring.nodes)
+    ring.plant.stop('SIGINT')
+    assert 'made up' in ring.plant.run_state.fault
+    assert ring.plant.status_fields()['voltage_v'] is None
+    assert ring.plant.status_fields()['voltage_after_v'] is None
+    assert PacedDevice.devices[-1].is_closed
+
+
+@pytest.mark.parametrize('error', [RuntimeError('made up'), OSError('made up')])
+@pytest.mark.parametrize('method', ['open', 'hold'])
+def test_a_device_that_cannot_be_opened_is_closed(method, error, monkeypatch):
+    def fail(device, *arguments):
+        raise error
+
+    ring = Ring(device=PACED)
+    monkeypatch.setattr(PacedDevice, method, fail)
+    assert ring.plant.on_activate(None) == TransitionCallbackReturn.FAILURE
+    assert 'made up' in ring.plant.run_state.reason
+    assert PacedDevice.devices[-1].is_closed
+
+
 def test_a_lookahead_that_is_too_short_is_named(clock):
     ring = Ring(lookahead_samples=100)
     ring.begin()

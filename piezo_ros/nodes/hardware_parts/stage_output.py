@@ -93,24 +93,24 @@ class StageOutput:
         file = hardware.simulated_rig_file
         self._simulated_rig: dict[str, Any] = (
             read_parameter_set(Path(file), 'plant', RigParameters).to_mapping() if file else {})
-        self._hardware = hardware
-        self._initialise = initialise
-        self._period_s = sample_period_s
-        self._slew_v_per_s = slew_v_per_s
+        self._hardware, self._initialise = hardware, initialise
+        self._period_s, self._slew_v_per_s = sample_period_s, slew_v_per_s
         self.limits = BlockCheck(DriveLimits.among(hardware.to_mapping()), sample_period_s)
 
     def open(self) -> None:
         """Open the device, see what the output holds, drive nothing; raises DeviceError."""
         self.close()
         self.held_v = self.held_after_v = None
-        device = choose_device(
+        self.device = device = choose_device(
             self._hardware.device, {**self._simulated_rig, **self._hardware.to_mapping()})
-        # Kept at once, so that it is closed whatever follows.
-        self.device = device
-        # Two roundings make 99999.99999999999 Hz of 1e-5 s.
-        self.rate_hz = float(f'{1.0 / device.open(self._period_s):.12g}')
-        self.identity = device.constraints.identity
-        self.held_v = self.held_before_v = device.hold()
+        try:
+            # Two roundings make 99999.99999999999 Hz of 1e-5 s.
+            self.rate_hz = float(f'{1.0 / device.open(self._period_s):.12g}')
+            self.identity = device.constraints.identity
+            self.held_v = self.held_before_v = device.hold()
+        except BaseException:
+            self.close()
+            raise
 
     @property
     def opened(self) -> Device:
@@ -126,6 +126,7 @@ class StageOutput:
         """Ramp to zero deviation from whatever the output holds; a stream is stopped for it."""
         if self.device is None:
             return
+        self.held_v = self.held_after_v = None  # whatever they are, where this fails
         if self.device.hold() != 0.0:
             self.device.ramp_to(0.0, self._slew_v_per_s)
         self.held_v = self.held_after_v = self.device.hold()
@@ -181,9 +182,6 @@ class StageOutput:
         """Ramp to rest and release the device, whatever comes of the ramp."""
         try:
             self.come_to_rest()
-        except DeviceError:
-            self.held_v = None  # whatever it is
-            raise
         finally:
             self.close()
 
