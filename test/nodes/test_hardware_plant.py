@@ -15,6 +15,7 @@
 """The hardware plant on topics in memory: bits, refusals, faults, and where the output ends."""
 
 import random
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -189,6 +190,70 @@ def test_a_sensor_that_does_not_follow_the_voltage_ends_the_run(demagnetise):
     assert 'the sensor shows 0.25 um in 2' in fault
     assert 'stuck, off or not connected' in fault
     assert_safe(PacedDevice.devices[-1])
+
+
+def last_reading(value):
+    def change(readings_um):
+        changed_um = np.array(readings_um)
+        changed_um[-1] = value
+        return changed_um
+
+    return change
+
+
+WRONG_READINGS = [
+    (last_reading(np.nan), 'gave nan um as its reading at index 23'),
+    (last_reading(-np.inf), 'gave -inf um as its reading at index 23'),
+    (lambda readings_um: readings_um[:-1], 'shape (3,) where it was asked for 4 from index 20'),
+    (lambda readings_um: [*readings_um, 0.1], 'shape (5,) where it was asked for 4 from index 20'),
+]
+
+
+def disturb(monkeypatch, method, call, change):
+    """Have a paced device give something else at a call of a method, the first being 1."""
+    def give(device, *arguments):
+        given.append(right(device, *arguments))
+        return change(given[-1]) if len(given) == call else given[-1]
+
+    given, right = [], getattr(PacedDevice, method)
+    monkeypatch.setattr(PacedDevice, method, give)
+
+
+@pytest.mark.parametrize(('change', 'words'), WRONG_READINGS)
+def test_a_reading_that_is_none_ends_the_run_with_its_index(change, words, monkeypatch):
+    disturb(monkeypatch, 'read', 6, change)
+    ring = Ring(device=PACED, read_samples=4, lookahead_samples=2000,
+                trajectory={**GENTLE, 'periods': 1.0})
+    assert len(ring.run()) == 20
+    assert words in ring.plant.run_state.fault
+    assert 'Traceback' not in ''.join(ring.plant.logger.texts['error'])
+    assert_safe(PacedDevice.devices[-1])
+
+
+@pytest.mark.parametrize(('method', 'call', 'change', 'words', 'plant'), [
+    ('reading', 1, lambda _: np.nan, 'nan um as its reading at index 0', {}),
+    ('reading', 4, lambda _: np.inf, 'inf um as its reading at index 3', {'timing': 'on_demand'}),
+    ('play', 2, last_reading(np.nan), 'nan um as its reading at index 400',
+     {'demagnetise': True, 'safe_slew_v_per_s': 100.0}),
+])
+def test_so_does_one_however_it_is_taken(method, call, change, words, plant, monkeypatch):
+    disturb(monkeypatch, method, call, change)
+    ring = Ring(device=PACED, lookahead_samples=2000, trajectory={**GENTLE, 'periods': 0.2},
+                **plant)
+    ring.run()
+    assert words in ring.plant.run_state.fault
+    assert_safe(PacedDevice.devices[-1], plant.get('safe_slew_v_per_s', SLEW_V_PER_S))
+
+
+def test_so_does_one_of_a_block(monkeypatch):
+    disturb(monkeypatch, 'play', 1, last_reading(np.nan))
+    ring = Ring(device=PACED, lookahead_samples=2000, trajectory={**GENTLE, 'periods': 0.2}).begin()
+    device = PacedDevice.devices[-1]
+    device.constraints = replace(device.constraints, streams=False)
+    while ring.plant.running:
+        step(ring.nodes)
+    assert f'nan um as its reading at index {device.output.size - 2}' in ring.plant.run_state.fault
+    assert_safe(device)
 
 
 def test_a_starved_stream_is_a_fault_with_its_index_and_ends_at_rest():

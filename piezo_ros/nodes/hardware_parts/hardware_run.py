@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from piezo_ros.nodes.hardware_parts.clocked_run import ClockedRun
 from piezo_ros.nodes.hardware_parts.on_demand_run import OnDemandRun
+from piezo_ros.nodes.hardware_parts.reading_check import checked_readings
 from piezo_ros.nodes.hardware_parts.sensor_watch import SensorWatch
 from piezo_ros.nodes.hardware_parts.stage_output import StageOutput
 from piezo_ros.parameters.hardware_parameters import HardwareParameters
@@ -89,7 +90,7 @@ class HardwareRun:
 
     def open(self) -> None:
         """Send the reading before the first voltage."""
-        opening_um = self._output.opened.reading()
+        opening_um = float(checked_readings([self._output.opened.reading()], 0, 1)[0])
         self._output.limits.begin(0.0)
         self._played = (
             OnDemandRun(self._output, self._period_s) if self._hardware.is_on_demand

@@ -28,6 +28,7 @@ from piezo_ros.hardware.limits import DriveLimits
 from piezo_ros.hardware.ramp import ramp_voltage
 from piezo_ros.model import ParameterError, RigParameters
 from piezo_ros.nodes.hardware_parts.block_check import BlockCheck
+from piezo_ros.nodes.hardware_parts.reading_check import checked_readings
 from piezo_ros.nodes.hardware_parts.sensor_watch import SensorWatch
 from piezo_ros.parameters.hardware_parameters import HardwareParameters
 from piezo_ros.parameters.node_parameters import InitialiseParameters
@@ -144,7 +145,7 @@ class StageOutput:
         chunk = min(max(1, round(_CHUNK_S / self._period_s)), most)
         for first in range(0, voltage_v.size, chunk):
             block_v = voltage_v[first:first + chunk]
-            displacement_um = device.play(block_v)
+            displacement_um = checked_readings(device.play(block_v), first, block_v.size + 1)
             self.held_v = float(block_v[-1])
             sensor.play(block_v)
             sensor.check(displacement_um[1:])
