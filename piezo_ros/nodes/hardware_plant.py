@@ -86,7 +86,6 @@ class HardwarePlant(LoopNode):
         try:
             self._output.open()
         except DeviceError as error:
-            self._output.close()
             raise ValueError(str(error)) from None
         start_index = self.settings.start_index
         self._played = HardwareRun(
@@ -154,8 +153,9 @@ class HardwarePlant(LoopNode):
             raise StreamFault(str(error)) from None
 
     def has_waiting(self, reader: StreamReader) -> bool:
-        """Return whether samples have come that were not taken yet."""
-        return self._take(self._run_of_device)
+        """Return whether samples have come that were not taken yet, or may have."""
+        run = self._run_of_device
+        return not run.is_prepared or self._take(run)
 
     def change_parameters(self, changes: Mapping[str, Any]) -> str:
         """Refuse a slew that the amplifier does not take, or at which no ramp would end."""
@@ -178,7 +178,8 @@ class HardwarePlant(LoopNode):
     def initialise(self) -> str:
         """Demagnetise the stage with a decaying triangle; the inverse assumes one without past."""
         try:
-            self.requests.between_runs(self._output.initialise)
+            self.requests.between_runs(
+                lambda: self._output.initialise(lambda: self.stop_requested))
         except DeviceError as error:
             raise ServiceRefusedError(str(error)) from None
         return self._output.describe_triangle()

@@ -23,6 +23,7 @@ import time
 import traceback
 import warnings
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from types import FrameType
 from typing import Any
 
@@ -193,6 +194,12 @@ def _run(nodes: Sequence[LoopNode], stop: StopRequest, wake: threading.Event) ->
         serve_streams(nodes, stop, wake)
     except _StartInterrupted:
         pass
+    except BaseException as error:
+        with ExitStack() as endings:  # of each node, whatever becomes of that of another
+            for node in nodes:
+                if node.running:
+                    endings.callback(node.run.break_off, error)
+        raise
     return True
 
 

@@ -89,7 +89,10 @@ def serve_streams(nodes: Sequence[LoopNode], stop: StopRequest, wake: threading.
         if now >= next_housekeeping:
             next_housekeeping = now + _HOUSEKEEPING_S
             for node in nodes:
-                node.run.housekeeping(now)
+                try:
+                    node.run.housekeeping(now)
+                except Exception as error:  # The voltage ends at zero here, too.
+                    node.run.break_off(error)
             if _all_over(nodes, now - idle_since):
                 return
 

@@ -15,6 +15,7 @@
 """The hardware plant on topics in memory: bits, refusals, faults, and where the output ends."""
 
 import random
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -29,6 +30,7 @@ from piezo_ros.nodes.compensator import Compensator
 from piezo_ros.nodes.controller import Controller
 from piezo_ros.nodes.hardware_plant import HardwarePlant
 from piezo_ros.nodes.trajectory import Trajectory
+from piezo_ros.runtime.node.rclpy_node.stream_node import ServiceRefusedError
 
 SLEW_V_PER_S = 1000.0
 PACED = 'paced_device:PacedDevice'
@@ -190,6 +192,70 @@ def test_a_sensor_that_does_not_follow_the_voltage_ends_the_run(demagnetise):
     assert_safe(PacedDevice.devices[-1])
 
 
+def last_reading(value):
+    def change(readings_um):
+        changed_um = np.array(readings_um)
+        changed_um[-1] = value
+        return changed_um
+
+    return change
+
+
+WRONG_READINGS = [
+    (last_reading(np.nan), 'gave nan um as its reading at index 23'),
+    (last_reading(-np.inf), 'gave -inf um as its reading at index 23'),
+    (lambda readings_um: readings_um[:-1], 'shape (3,) where it was asked for 4 from index 20'),
+    (lambda readings_um: [*readings_um, 0.1], 'shape (5,) where it was asked for 4 from index 20'),
+]
+
+
+def disturb(monkeypatch, method, call, change):
+    """Have a paced device give something else at a call of a method, the first being 1."""
+    def give(device, *arguments):
+        given.append(right(device, *arguments))
+        return change(given[-1]) if len(given) == call else given[-1]
+
+    given, right = [], getattr(PacedDevice, method)
+    monkeypatch.setattr(PacedDevice, method, give)
+
+
+@pytest.mark.parametrize(('change', 'words'), WRONG_READINGS)
+def test_a_reading_that_is_none_ends_the_run_with_its_index(change, words, monkeypatch):
+    disturb(monkeypatch, 'read', 6, change)
+    ring = Ring(device=PACED, read_samples=4, lookahead_samples=2000,
+                trajectory={**GENTLE, 'periods': 1.0})
+    assert len(ring.run()) == 20
+    assert words in ring.plant.run_state.fault
+    assert 'Traceback' not in ''.join(ring.plant.logger.texts['error'])
+    assert_safe(PacedDevice.devices[-1])
+
+
+@pytest.mark.parametrize(('method', 'call', 'change', 'words', 'plant'), [
+    ('reading', 1, lambda _: np.nan, 'nan um as its reading at index 0', {}),
+    ('reading', 4, lambda _: np.inf, 'inf um as its reading at index 3', {'timing': 'on_demand'}),
+    ('play', 2, last_reading(np.nan), 'nan um as its reading at index 400',
+     {'demagnetise': True, 'safe_slew_v_per_s': 100.0}),
+])
+def test_so_does_one_however_it_is_taken(method, call, change, words, plant, monkeypatch):
+    disturb(monkeypatch, method, call, change)
+    ring = Ring(device=PACED, lookahead_samples=2000, trajectory={**GENTLE, 'periods': 0.2},
+                **plant)
+    ring.run()
+    assert words in ring.plant.run_state.fault
+    assert_safe(PacedDevice.devices[-1], plant.get('safe_slew_v_per_s', SLEW_V_PER_S))
+
+
+def test_so_does_one_of_a_block(monkeypatch):
+    disturb(monkeypatch, 'play', 1, last_reading(np.nan))
+    ring = Ring(device=PACED, lookahead_samples=2000, trajectory={**GENTLE, 'periods': 0.2}).begin()
+    device = PacedDevice.devices[-1]
+    device.constraints = replace(device.constraints, streams=False)
+    while ring.plant.running:
+        step(ring.nodes)
+    assert f'nan um as its reading at index {device.output.size - 2}' in ring.plant.run_state.fault
+    assert_safe(device)
+
+
 def test_a_starved_stream_is_a_fault_with_its_index_and_ends_at_rest():
     ring = Ring(device=PACED, prefill_samples=20, read_samples=5, lookahead_samples=60,
                 trajectory={**GENTLE, 'periods': 5.0})
@@ -209,6 +275,77 @@ def test_a_device_that_is_gone_is_named_and_its_voltage_is_not_known():
         step(ring.nodes)
     assert 'does not answer' in ring.plant.run_state.fault
     assert ring.plant.status_fields()['voltage_v'] is None
+
+
+def test_a_stop_while_it_initialises_ends_at_rest(monkeypatch):
+    plant = fake_node(
+        HardwarePlant, FakeTransport(), device=PACED, sample_period_s=1e-3,
+        safe_slew_v_per_s=10.0, output_channel='held 1.0')
+    configure(plant)
+    chunks = []
+
+    def play(device, voltage_v):
+        chunks.append(voltage_v)
+        plant.stop_requested = len(chunks) == 2  # as a signal does
+        return played(device, voltage_v)
+
+    played = PacedDevice.play
+    monkeypatch.setattr(PacedDevice, 'play', play)
+    with pytest.raises(ServiceRefusedError, match='stopped within the triangle'):
+        plant.initialise()
+    assert len(chunks) == 2
+    assert chunks[-1][-1] > 1.0
+    assert plant.status_fields()['voltage_v'] == 0.0
+    assert_safe(PacedDevice.devices[-1], 10.0)
+
+
+@pytest.mark.parametrize('start_index', [0, -1])
+def test_a_writer_may_leave_while_the_stage_is_demagnetised(start_index, clock):
+    ring = Ring(scheme='open_loop', lookahead_samples=2000, device=PACED, demagnetise=True,
+                initialise_levels=3, start_index=start_index, lost_writer_timeout_s=0.5,
+                trajectory={**GENTLE, 'periods': 0.2}).begin()
+    poll_all(*[node for node in ring.nodes if node is not ring.plant])
+    step([ring.plant])  # at rest; the triangle is next
+    for publisher in list(ring.transport.publishers['/rig/voltage']):
+        publisher.destroy()
+    clock.run(2.0, lambda: ring.plant.run.housekeeping(clock.now_s))
+    assert take_all(ring.reader) == []
+    while ring.plant.running:
+        step([ring.plant])
+    assert ring.plant.run_state.result == 'finished', ring.plant.run_state.fault
+    assert len(take_all(ring.reader)) == 41
+    assert PacedDevice.devices[-1].output.max() == pytest.approx(5.0)
+    assert_safe(PacedDevice.devices[-1])
+
+
+@pytest.mark.parametrize('error', [RuntimeError('made up'), OSError('made up')])
+def test_a_voltage_is_not_known_after_a_ramp_that_fails(error, monkeypatch):
+    def ramp_to(device, voltage_v, slew_v_per_s):
+        raise error
+
+    ring = Ring(device=PACED, read_samples=2, lookahead_samples=2000,
+                trajectory={**GENTLE, 'periods': 5.0}).begin()
+    monkeypatch.setattr(PacedDevice, 'ramp_to', ramp_to)
+    while not ring.plant.status_fields()['voltage_v']:
+        step(ring.nodes)
+    ring.plant.stop('SIGINT')
+    assert 'made up' in ring.plant.run_state.fault
+    assert ring.plant.status_fields()['voltage_v'] is None
+    assert ring.plant.status_fields()['voltage_after_v'] is None
+    assert PacedDevice.devices[-1].is_closed
+
+
+@pytest.mark.parametrize('error', [RuntimeError('made up'), OSError('made up')])
+@pytest.mark.parametrize('method', ['open', 'hold'])
+def test_a_device_that_cannot_be_opened_is_closed(method, error, monkeypatch):
+    def fail(device, *arguments):
+        raise error
+
+    ring = Ring(device=PACED)
+    monkeypatch.setattr(PacedDevice, method, fail)
+    assert ring.plant.on_activate(None) == TransitionCallbackReturn.FAILURE
+    assert 'made up' in ring.plant.run_state.reason
+    assert PacedDevice.devices[-1].is_closed
 
 
 def test_a_lookahead_that_is_too_short_is_named(clock):

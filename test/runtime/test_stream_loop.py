@@ -20,6 +20,7 @@ from types import SimpleNamespace
 
 import pytest
 
+from piezo_ros.runtime import host
 from piezo_ros.runtime.process.stop_request import StopRequest
 from piezo_ros.runtime.stream_loop import serve_streams
 
@@ -131,6 +132,41 @@ def test_an_error_of_one_node_breaks_off_its_run_alone(serve, log):
     serve(failing, other)
     assert failing.errors == [error]
     assert other.turn == 4
+
+
+def test_so_does_an_error_of_what_looks_after_it(serve, log, clock):
+    error = AssertionError('made up')
+
+    def look_after(now_s):
+        raise error
+
+    failing, other = Node('controller', log, [10**9]), Node('plant', log, [10**9])
+    failing.run.housekeeping = look_after
+    clock.plan(10.0, other.end)
+    serve(failing, other)
+    assert failing.errors[0] is error
+    assert other.errors == []
+    assert clock.now_s >= 110.0
+
+
+def test_whatever_ends_the_loop_ends_the_run_of_every_node(log, monkeypatch):
+    def serve_streams(nodes, stop, wake):
+        raise error
+
+    def break_off(error):
+        nodes[0]._break_off(error)
+        raise RuntimeError('made up, at the end of a run')
+
+    error = SystemError('made up')
+    nodes = [Node('controller', log), Node('plant', log), Node('recorder', log)]
+    nodes[0].run.break_off = break_off
+    nodes[2].end()
+    for node in nodes:
+        node.starts_itself = False
+    monkeypatch.setattr(host, 'serve_streams', serve_streams)
+    with pytest.raises((SystemError, RuntimeError)):
+        host._run(nodes, StopRequest(), threading.Event())
+    assert [node.errors for node in nodes] == [[error], [error], []]
 
 
 def test_requests_and_housekeeping_go_on_while_nothing_comes(serve, log, clock):

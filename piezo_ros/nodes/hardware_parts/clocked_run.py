@@ -26,6 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from piezo_ros.nodes.hardware_parts.device_stream import DeviceStream
+from piezo_ros.nodes.hardware_parts.reading_check import checked_readings
 from piezo_ros.nodes.hardware_parts.stage_output import StageOutput
 from piezo_ros.parameters.hardware_parameters import HardwareParameters
 from piezo_ros.runtime.streams.fault import StreamFault
@@ -172,7 +173,8 @@ class ClockedRun:
         if self._run_samples is None:
             return None
         self.mode = 'one block'
-        readings_um = self._output.opened.play(self._waiting.pull(count))
+        readings_um = checked_readings(
+            self._output.opened.play(self._waiting.pull(count)), 0, count + 1)
         self._output.held_v = 0.0
         self.is_over = True
         return self._answers(readings_um, 0)

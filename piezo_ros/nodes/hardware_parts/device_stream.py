@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from piezo_ros.hardware.device import Device
+from piezo_ros.nodes.hardware_parts.reading_check import checked_readings
 from piezo_ros.runtime.streams.sample_queue import SampleQueue
 
 __all__ = ['DeviceStream']
@@ -109,7 +110,7 @@ class DeviceStream:
         # Readings that have piled up hold the demand for voltages back: they are fetched sooner.
         behind = min(self._generated - self.fetched, _CATCH_UP * self._at_once)
         count = min(left, max(self._at_once, behind))
-        readings_um = self._device.read(count)
+        readings_um = checked_readings(self._device.read(count), self.fetched, count)
         answered_v = self._unanswered.pull(count if self.fetched else count - 1)
         if answered_v.size:
             self.held_v = float(answered_v[-1])

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from piezo_ros.nodes.hardware_parts.clocked_run import ClockedRun
 from piezo_ros.nodes.hardware_parts.on_demand_run import OnDemandRun
+from piezo_ros.nodes.hardware_parts.reading_check import checked_readings
 from piezo_ros.nodes.hardware_parts.sensor_watch import SensorWatch
 from piezo_ros.nodes.hardware_parts.stage_output import StageOutput
 from piezo_ros.parameters.hardware_parameters import HardwareParameters
@@ -49,6 +50,8 @@ class HardwareRun:
 
     Attributes
     ----------
+    is_prepared : bool
+        Whether the stage is ready for the first voltage.
     elapsed_s : float
         Wall-clock time that the run took from its start on the device, 0 before its end.
 
@@ -66,7 +69,7 @@ class HardwareRun:
         self._opens_itself = opens_itself
         self._played: ClockedRun | OnDemandRun | None = None
         self._preparation: Iterator[None] = self._prepare()
-        self._is_prepared = False
+        self.is_prepared = False
         self._began_s: float | None = None
         self._sensor = SensorWatch(hardware.reach_v)
 
@@ -78,16 +81,16 @@ class HardwareRun:
 
     def prepare(self) -> bool:
         """Do one step on the way to the start of the run; return whether there was one left."""
-        if self._is_prepared:
+        if self.is_prepared:
             return False
-        self._is_prepared = next(self._preparation, self) is self
-        if self._is_prepared and self._opens_itself:
+        self.is_prepared = next(self._preparation, self) is self
+        if self.is_prepared and self._opens_itself:
             self.open()
         return True
 
     def open(self) -> None:
         """Send the reading before the first voltage."""
-        opening_um = self._output.opened.reading()
+        opening_um = float(checked_readings([self._output.opened.reading()], 0, 1)[0])
         self._output.limits.begin(0.0)
         self._played = (
             OnDemandRun(self._output, self._period_s) if self._hardware.is_on_demand

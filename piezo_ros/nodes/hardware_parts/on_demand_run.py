@@ -29,6 +29,7 @@ import time
 import numpy as np
 from numpy.typing import NDArray
 
+from piezo_ros.nodes.hardware_parts.reading_check import checked_readings
 from piezo_ros.nodes.hardware_parts.stage_output import StageOutput
 from piezo_ros.runtime.streams.sample_queue import SampleQueue
 
@@ -148,4 +149,4 @@ class OnDemandRun:
         while time.monotonic() < due_s:
             pass
         self._due_s = None
-        return np.array([self._output.opened.reading()])
+        return checked_readings([self._output.opened.reading()], self._set, 1)

@@ -14,7 +14,7 @@
 
 """The output to a stage between runs: found as it was left, ramped to rest, demagnetised."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +28,7 @@ from piezo_ros.hardware.limits import DriveLimits
 from piezo_ros.hardware.ramp import ramp_voltage
 from piezo_ros.model import ParameterError, RigParameters
 from piezo_ros.nodes.hardware_parts.block_check import BlockCheck
+from piezo_ros.nodes.hardware_parts.reading_check import checked_readings
 from piezo_ros.nodes.hardware_parts.sensor_watch import SensorWatch
 from piezo_ros.parameters.hardware_parameters import HardwareParameters
 from piezo_ros.parameters.node_parameters import InitialiseParameters
@@ -93,24 +94,24 @@ class StageOutput:
         file = hardware.simulated_rig_file
         self._simulated_rig: dict[str, Any] = (
             read_parameter_set(Path(file), 'plant', RigParameters).to_mapping() if file else {})
-        self._hardware = hardware
-        self._initialise = initialise
-        self._period_s = sample_period_s
-        self._slew_v_per_s = slew_v_per_s
+        self._hardware, self._initialise = hardware, initialise
+        self._period_s, self._slew_v_per_s = sample_period_s, slew_v_per_s
         self.limits = BlockCheck(DriveLimits.among(hardware.to_mapping()), sample_period_s)
 
     def open(self) -> None:
         """Open the device, see what the output holds, drive nothing; raises DeviceError."""
         self.close()
         self.held_v = self.held_after_v = None
-        device = choose_device(
+        self.device = device = choose_device(
             self._hardware.device, {**self._simulated_rig, **self._hardware.to_mapping()})
-        # Kept at once, so that it is closed whatever follows.
-        self.device = device
-        # Two roundings make 99999.99999999999 Hz of 1e-5 s.
-        self.rate_hz = float(f'{1.0 / device.open(self._period_s):.12g}')
-        self.identity = device.constraints.identity
-        self.held_v = self.held_before_v = device.hold()
+        try:
+            # Two roundings make 99999.99999999999 Hz of 1e-5 s.
+            self.rate_hz = float(f'{1.0 / device.open(self._period_s):.12g}')
+            self.identity = device.constraints.identity
+            self.held_v = self.held_before_v = device.hold()
+        except BaseException:
+            self.close()
+            raise
 
     @property
     def opened(self) -> Device:
@@ -126,6 +127,7 @@ class StageOutput:
         """Ramp to zero deviation from whatever the output holds; a stream is stopped for it."""
         if self.device is None:
             return
+        self.held_v = self.held_after_v = None  # whatever they are, where this fails
         if self.device.hold() != 0.0:
             self.device.ramp_to(0.0, self._slew_v_per_s)
         self.held_v = self.held_after_v = self.device.hold()
@@ -143,7 +145,7 @@ class StageOutput:
         chunk = min(max(1, round(_CHUNK_S / self._period_s)), most)
         for first in range(0, voltage_v.size, chunk):
             block_v = voltage_v[first:first + chunk]
-            displacement_um = device.play(block_v)
+            displacement_um = checked_readings(device.play(block_v), first, block_v.size + 1)
             self.held_v = float(block_v[-1])
             sensor.play(block_v)
             sensor.check(displacement_um[1:])
@@ -166,13 +168,14 @@ class StageOutput:
             ramp_voltage(last_v, 0.0, self._slew_v_per_s, self._period_s),
             np.zeros(max(1, round(_HOLD_S / self._period_s))))
 
-    def initialise(self) -> None:
-        """Demagnetise the stage outside of a run; raises DeviceError."""
+    def initialise(self, is_stopped: Callable[[], bool]) -> None:
+        """Demagnetise the stage outside of a run, unless stopped; raises DeviceError."""
         self.open()
         try:
             self.come_to_rest()
             for _ in self.demagnetise(SensorWatch(self._hardware.reach_v)):
-                pass
+                if is_stopped():
+                    raise DeviceError('stopped within the triangle; the voltage is at rest again')
         finally:
             self.leave()
 
@@ -180,9 +183,6 @@ class StageOutput:
         """Ramp to rest and release the device, whatever comes of the ramp."""
         try:
             self.come_to_rest()
-        except DeviceError:
-            self.held_v = None  # whatever it is
-            raise
         finally:
             self.close()
 

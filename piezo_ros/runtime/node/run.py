@@ -109,8 +109,8 @@ class Run:
                         f'{reader.subscription.topic_name} lost its writer after sample '
                         f'{reader.next_index - 1}')
 
-    def break_off(self, error: Exception) -> None:
-        """End the run for whatever `poll` has raised."""
+    def break_off(self, error: BaseException) -> None:
+        """End the run for whatever was raised while it was served or looked after."""
         if isinstance(error, StreamFault):
             self.fail(str(error))
         else:
@@ -156,13 +156,12 @@ class Run:
         node, state = self._node, self._state
         node.running = False
         state.is_over, state.reason, state.result = True, reason, result
-        for writer in node.writers.values():
-            writer.end()
-        try:
-            node.quiesce()
-        except Exception as error:  # The report of how it ended must go out all the same.
-            self.note_fault(explain(error))
-            node.get_logger().error(traceback.format_exc())
+        for come_to_end in (*(writer.end for writer in node.writers.values()), node.quiesce):
+            try:
+                come_to_end()
+            except Exception as error:  # What follows, and the report, must go out all the same.
+                self.note_fault(explain(error))
+                node.get_logger().error(traceback.format_exc())
         state.reason = state.reason or state.fault
         self._monitor.rest()
         if not state.has_failed:

@@ -158,6 +158,18 @@ def test_an_error_while_coming_to_rest_is_noted_and_the_end_reported(run):
     assert run.statuses()[0] == ['finished']
 
 
+def test_an_end_that_cannot_be_told_keeps_no_node_from_coming_to_rest(run, monkeypatch):
+    def end():
+        raise OSError('made up')
+
+    calls = []
+    monkeypatch.setattr(run.node.writers['voltage'], 'end', end)
+    run.node.quiesce = lambda: calls.append('at rest')
+    run.node.finish()
+    assert calls == ['at rest']
+    assert run.state.fault == 'OSError: made up'
+
+
 def test_stragglers_of_a_stopped_run_are_thrown_away_between_the_runs(run, clock):
     run.command.publish_one(1.0)
     run.node.poll()
