@@ -18,7 +18,7 @@ from datetime import datetime, timezone
 from pathlib import Path
 from typing import Final
 
-import yaml
+from piezo_ros.parameters.bounded_yaml import MAXIMUM_BYTES, yaml_content
 
 __all__ = ['recorded_utc']
 
@@ -44,11 +44,11 @@ def recorded_utc(path: Path) -> str:
 
     """
     try:
-        entries = yaml.safe_load((path / 'metadata.yaml').read_text(encoding='utf-8'))
+        with (path / 'metadata.yaml').open('rb') as file:
+            entries = yaml_content(file.read(MAXIMUM_BYTES + 1))
         start_ns = entries['rosbag2_bagfile_information']['starting_time'][
             'nanoseconds_since_epoch']
         start = datetime.fromtimestamp(start_ns // _NS_PER_S, tz=timezone.utc)
-    except (OSError, UnicodeDecodeError, yaml.YAMLError, KeyError, TypeError, ValueError,
-            OverflowError):  # of foreign bags
+    except (OSError, KeyError, TypeError, ValueError, OverflowError):  # of foreign bags
         return ''
     return f'{start:%Y-%m-%d %H:%M:%S}' if start >= _EARLIEST else ''

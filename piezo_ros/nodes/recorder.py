@@ -15,6 +15,10 @@
 """The recorder: every block of every stream into a bag, with the parameters of all nodes."""
 
 import time
+from collections import deque
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from itertools import chain
 from typing import Any
 
 from rclpy.parameter_client import AsyncParameterClient
@@ -22,6 +26,7 @@ from rclpy.parameter_client import AsyncParameterClient
 from piezo_ros.bag import BagError, BagWriter
 from piezo_ros.nodes.recorder_parts.bag_directories import BagDirectories
 from piezo_ros.nodes.recorder_parts.device_status import DeviceStatus
+from piezo_ros.nodes.recorder_parts.last_blocks import AT_ONCE, last_blocks
 from piezo_ros.nodes.recorder_parts.peer_parameters import PeerParameters
 from piezo_ros.nodes.recorder_parts.run_description import RunDescription
 from piezo_ros.parameters.node_parameters import RecorderParameters
@@ -33,9 +38,14 @@ from piezo_ros.runtime.streams.stream_copy import copy_topic
 
 __all__ = ['Recorder']
 
-_AT_ONCE = 64  # blocks of one stream before the next one's turn
-_SETTLE_S = 0.2  # how long a stopped recorder waits for what is still on its way
-_AT_MOST_S = 2.0  # how long it takes what comes
+
+@contextmanager
+def _told_as_fault() -> Iterator[None]:
+    """Make a fault of the run of what is wrong with the bag, a block or the parameters."""
+    try:
+        yield
+    except (BagError, ValueError) as error:
+        raise StreamFault(str(error)) from None
 
 
 class Recorder(LoopNode):
@@ -71,7 +81,7 @@ class Recorder(LoopNode):
         self._waited = RunningTime()
         self._waited_at_end: RunningTime | None = None
         self._next_flush_s = time.monotonic() + self._recording.flush_period_s
-        self._pending: list[tuple[str, bytes]] = []
+        self._pending: deque[tuple[str, bytes]] = deque()
         self._peers = PeerParameters(self, self._parameter_client)
         self._description = RunDescription(
             self._directory, self.get_namespace(), self._recording.parameters_file, self._peers,
@@ -87,7 +97,7 @@ class Recorder(LoopNode):
         """Write what has arrived."""
         progress = False
         for stream, reader in self.readers.items():
-            for _ in range(_AT_ONCE):
+            for _ in range(AT_ONCE):
                 if reader.take_array() is None:
                     break
                 self._pending.append((stream, reader.raw))
@@ -95,10 +105,9 @@ class Recorder(LoopNode):
         if self._bag is None and not self._open():
             return progress
         assert self._bag is not None
-        try:
-            self._write_pending(self._bag)
-        except BagError as error:
-            raise StreamFault(str(error)) from None
+        with _told_as_fault():
+            while self._pending:
+                self._bag.write(*self._pending.popleft())
         if not progress and all(reader.ended for reader in self.readers.values()):
             if self._has_all_parameters():
                 self.finish()
@@ -111,65 +120,53 @@ class Recorder(LoopNode):
         timeout_s = self._recording.parameters_timeout_s
         return not self._peers.owing or self._waited_at_end.elapsed_s() > timeout_s
 
-    def _describe(self, *, last: bool = False) -> None:
+    def _describe(self, last: bool = False) -> None:
         """Add to the bag what nodes have told of themselves only after it was begun."""
         if self._bag is None or (self._is_described and not last):
             return
         self._is_described = self._peers.complete()
-        if (self._is_described or last) and (news := self._description.news(last=last)):
-            self._bag.describe(*news)
-
-    def _write_pending(self, bag: BagWriter) -> None:
-        for stream, raw in self._pending:
-            bag.write(stream, raw)
-        self._pending.clear()
+        with _told_as_fault():
+            if (self._is_described or last) and (news := self._description.news(last=last)):
+                self._bag.describe(*news)
 
     def watch(self, now_s: float) -> None:
         """Hand what was recorded to the operating system now and then."""
-        try:
-            self._describe()
-            if self._bag is not None and now_s >= self._next_flush_s:
-                self._next_flush_s = now_s + self._recording.flush_period_s
+        self._describe()
+        if self._bag is not None and now_s >= self._next_flush_s:
+            self._next_flush_s = now_s + self._recording.flush_period_s
+            with _told_as_fault():
                 self._bag.flush()
-        except BagError as error:
-            raise StreamFault(str(error)) from None
 
     def quiesce(self) -> None:
-        """Take what is still on its way and close the bag."""
-        if self._bag is None and not self._open(now=True):
+        """Take what is still on its way and close the bag, whatever goes wrong."""
+        told = set[str]()
+        if self._bag is None:
+            self._attempt(told, self._open, True)
+        if self._bag is None:
             return
-        assert self._bag is not None
-        try:
-            self._write_pending(self._bag)
-            self._take_the_rest(self._bag)
-            self._describe(last=True)
-            self._bag.close()
-        except BagError as error:
-            self.run.note_fault(f'cannot finish the bag: {error}')
+        for block in chain(self._pending, last_blocks(self.readers, self.get_logger().warning)):
+            self._attempt(told, self._bag.write, *block)
+        self._pending.clear()
+        self._attempt(told, self._describe, True)
+        self._attempt(told, self._bag.close)
         self._bag = None
+        self._attempt(told, self._check_peers)
+
+    def _attempt(self, told: set[str], step: Callable[..., Any], *arguments: Any) -> None:
+        """Take a step towards the end; its error is noted once, and the next step follows."""
+        try:
+            step(*arguments)
+        except Exception as error:  # The bag must be closed all the same.
+            text = f'cannot finish the bag: {str(error) or type(error).__name__}'
+            if text not in told:
+                self.run.note_fault(text)
+            told.add(text)
+
+    def _check_peers(self) -> None:
         for name in self._description.missing():
             self.run.note_fault(
                 f'{name} has not told its parameters within '
                 f'{self._recording.parameters_timeout_s:g} s; the bag lacks them')
-
-    def _take_the_rest(self, bag: BagWriter) -> None:
-        open_readers = [reader for reader in self.readers.values() if not reader.ended]
-        taken, quiet = RunningTime(), RunningTime()
-        while open_readers and quiet.elapsed_s() < _SETTLE_S and taken.elapsed_s() < _AT_MOST_S:
-            for reader in list(open_readers):
-                try:
-                    for _ in range(_AT_ONCE):
-                        if reader.take_array() is None:
-                            break
-                        bag.write(reader.stream, reader.raw)
-                        quiet.restart()
-                except StreamFault as fault:
-                    self.get_logger().warning(str(fault))
-                    open_readers.remove(reader)
-                else:
-                    if reader.ended:
-                        open_readers.remove(reader)
-            time.sleep(0.001)
 
     def _open(self, now: bool = False) -> bool:
         """Open the bag once the parameters are there, or do not come."""
@@ -180,19 +177,14 @@ class Recorder(LoopNode):
         for name in self._peers.silent:
             self.get_logger().warning(f'{name} has not told its parameters yet; the bag begins')
         moved = self._description.moved
-        metadata, parameters = self._description.contents()
-        try:
+        with _told_as_fault():
+            metadata, parameters = self._description.contents()
             self._bag = BagWriter(
                 self._directory, namespace=self._recording.bag_namespace or self.get_namespace(),
                 topics={each: moved(self.resolve_topic_name(each)) for each in self.readers},
                 metadata=metadata, compression=self._recording.compression)
             self._directories.note_written(self._directory)
             self._bag.attach_parameters(parameters)
-        except (BagError, ValueError) as error:
-            if self.running:
-                raise StreamFault(str(error)) from None
-            self.get_logger().error(str(error))
-            return False
         return True
 
     def status_fields(self) -> dict[str, Any]:

@@ -91,6 +91,21 @@ def test_info_tells_when_the_bag_was_recorded(bag, command, tmp_path):
     assert told(dated) == 'recorded       2023-11-14 22:13:20 UTC'
 
 
+@pytest.mark.parametrize('text', [
+    b'[' * 20_000,
+    b'a0: &a0 [x, x]\n' + b''.join(
+        b'a%d: &a%d [*a%d, *a%d]\n' % (n, n, n - 1, n - 1) for n in range(1, 40)),
+], ids=['nested', 'aliases'])
+def test_info_reads_a_bag_with_hostile_metadata(bag, command, tmp_path, text):
+    hostile = tmp_path / 'hostile'
+    shutil.copytree(bag, hostile)
+    (hostile / 'metadata.yaml').write_bytes(text)
+    code, out, err = command('info', hostile)
+    assert code in (0, 3)
+    assert 'recorded       no date' in out
+    assert 'Traceback' not in err
+
+
 def test_an_exported_table_holds_the_same_bits(bag, command, tmp_path):
     code, out, _ = command('export', bag, '-o', tmp_path / 'scan.csv')
     run = read(bag)

@@ -37,6 +37,7 @@ MESSAGE_HEAD_BYTES: Final = 31  # the same, channel, sequence, log time and publ
 _MESSAGE_BODY_BYTES: Final = MESSAGE_HEAD_BYTES - HEAD_BYTES
 _MESSAGE: Final = np.uint8(Opcode.MESSAGE)  # bytes compared with an int are widened first
 _LONG_BYTES: Final = 4096  # mean length of the records in a buffer from which a walk is quicker
+_SLICE_BYTES: Final = 1 << 20  # candidates take many times the bytes in which they are sought
 _Offsets = NDArray[np.int64]
 read_head = struct.Struct('<BQ').unpack_from  # opcode and length of a record
 
@@ -121,7 +122,16 @@ def _scan_runs(data: bytes) -> Records:
 def _possible_messages(data: bytes) -> tuple[_Offsets, _Offsets]:
     """Return where bytes look like a message record that fits in the buffer, and where it ends."""
     opcodes = np.frombuffer(data, np.uint8)[:max(len(data) - MESSAGE_HEAD_BYTES + 1, 0)]
-    starts = np.flatnonzero(opcodes == _MESSAGE)
+    found = [
+        _possible_in(data, np.flatnonzero(opcodes[first:first + _SLICE_BYTES] == _MESSAGE) + first)
+        for first in range(0, max(opcodes.size, 1), _SLICE_BYTES)]
+    if len(found) == 1:
+        return found[0]
+    return np.concatenate([each[0] for each in found]), np.concatenate([each[1] for each in found])
+
+
+def _possible_in(data: bytes, starts: _Offsets) -> tuple[_Offsets, _Offsets]:
+    """Return which of these places are possible messages, and where these end."""
     lengths = unaligned(data, '<u8')[starts + 1]
     fits = (lengths >= _MESSAGE_BODY_BYTES) & (lengths <= len(data))
     starts, lengths = starts[fits], lengths[fits]

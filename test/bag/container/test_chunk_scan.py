@@ -13,6 +13,7 @@
 # limitations under the License.
 
 import struct
+import tracemalloc
 
 import numpy as np
 from hypothesis import given
@@ -123,3 +124,17 @@ def test_zeros_as_a_loss_of_power_leaves_them_end_the_scan():
 def test_a_message_shorter_than_its_head_ends_the_scan():
     good = _record(MESSAGE, bytes(22))
     assert scan(good + _record(MESSAGE, bytes(21)) + good).messages.tolist() == [0]
+
+
+def test_candidates_that_are_no_messages_take_little_memory():
+    size = 4 << 20
+    empty = _record(0x70, b'') * (size // 4096 + 10)
+    data = empty + b'\x05' * (size - len(empty))
+    tracemalloc.start()
+    try:
+        found = scan(data)
+        _, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert found.end == len(empty)
+    assert peak < 4 * size + (24 << 20)
