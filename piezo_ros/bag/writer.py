@@ -209,6 +209,11 @@ class BagWriter:
         codec = self._streams[stream][1]
         self.write(stream, codec.encode(index, sample_period_s, samples))
 
+    @property
+    def closed(self) -> bool:
+        """Whether nothing more can be written, because of `close` or of an error of the disk."""
+        return self._bag.closed
+
     def flush(self) -> None:
         """
         Hand everything written so far to the operating system, as whole chunks.

@@ -145,9 +145,11 @@ class Recorder(LoopNode):
         if self._bag is None:
             return
         for block in chain(self._pending, last_blocks(self.readers, self.get_logger().warning)):
-            self._attempt(told, self._bag.write, *block)
+            if not self._bag.closed:  # which an error of the disk has done
+                self._attempt(told, self._bag.write, *block)
         self._pending.clear()
-        self._attempt(told, self._describe, True)
+        if not self._bag.closed:
+            self._attempt(told, self._describe, True)
         self._attempt(told, self._bag.close)
         self._bag = None
         self._attempt(told, self._check_peers)
