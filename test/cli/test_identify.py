@@ -34,11 +34,11 @@ EXAMPLE = ROOT / 'config' / 'examples' / 'slow_stage'
 
 
 def five_commands():
-    """Return the commands of the README, offline and with their wildcards."""
+    """Return the commands of the README behind the copy, offline and with their wildcards."""
     text = (ROOT / 'README.md').read_text(encoding='utf-8')
     section = text.partition('## Your own stage in five commands')[2].partition('\n## ')[0]
     section = section.replace('\\\n', ' ')
-    commands = [shlex.split(line) for line in re.findall(r'^    piezo (.*)$', section, re.M)]
+    commands = [shlex.split(line) for line in re.findall(r'^    piezo (?!init )(.*)$', section, re.M)]
     return [['simulate', *words[1:]] if words[0] == 'run' else words for words in commands]
 
 
