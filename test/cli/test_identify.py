@@ -38,7 +38,8 @@ def five_commands():
     text = (ROOT / 'README.md').read_text(encoding='utf-8')
     section = text.partition('## Your own stage in five commands')[2].partition('\n## ')[0]
     section = section.replace('\\\n', ' ')
-    commands = [shlex.split(line) for line in re.findall(r'^    piezo (?!init )(.*)$', section, re.M)]
+    lines = re.findall(r'^    piezo (?!init )(.*)$', section, re.MULTILINE)
+    commands = [shlex.split(line) for line in lines]
     return [['simulate', *words[1:]] if words[0] == 'run' else words for words in commands]
 
 
