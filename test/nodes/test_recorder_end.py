@@ -88,7 +88,7 @@ def test_a_parameter_file_deleted_in_mid_run_is_a_fault_and_the_next_run_has_its
     assert 'parameters.yaml' in node.run_state.fault
     assert _whole_file(tmp_path / 'bag')
     node.on_deactivate(None)
-    node.run.reset()
+    node.requests.reset()
     file.write_text(text)
     activate(node)
     transport.publish_block('voltage', 0, [0.25])

@@ -58,9 +58,8 @@ class Run:
         try:
             yield
         except BaseException:
-            # What has come is of the next run.
             for reader in self._node.readers.values():
-                reader.give_up()
+                reader.is_open = False  # What has come is of the next run.
             raise
         self._monitor.start()
         self._node.running = True

@@ -67,6 +67,9 @@ class StreamReader:
     ----------
     next_index : int
         Index of the next sample.
+    is_open : bool
+        Whether a run has begun here that is not over; set to False where it could not begin after
+        all, so that what has come for it is of the next one.
     ended : bool
         Whether the end marker of the run was taken.
     refused, gaps : int
@@ -100,7 +103,7 @@ class StreamReader:
         self._fence = RunFence(partial(_take_bytes, self.subscription), self._decoder.extent)
         self.held = self._fence.held
         self._take_message: Callable[[Any, bool], Any] = self.subscription.handle.take_message
-        self._is_open = False  # between the begin of a run and the next begin or interruption
+        self.is_open = False
         self._period_s: float | None = None
         self._fast_period_s = math.nan  # the period while the quick path may be taken, else NaN
         self._first = 0
@@ -131,7 +134,7 @@ class StreamReader:
         self.refused = 0
         self.gaps = 0
         self.ended = False
-        self._is_open = True
+        self.is_open = True
         self._any_start = index < 0
         self._period_s = sample_period_s
         self._fast_period_s = math.nan  # whatever comes first is looked at closely
@@ -147,10 +150,6 @@ class StreamReader:
         """Return a message of one sample as the run that has begun expects it."""
         return self._codec.encode(0, self._period_s or 0.0, [0.0])
 
-    def give_up(self) -> None:
-        """Begin no run after all; nothing was taken of it, and the next one may have it."""
-        self._is_open = False
-
     def discard_rest(self) -> None:
         """Throw away the messages of a run that was ended here before its end marker came."""
         self._interrupt()
@@ -158,9 +157,9 @@ class StreamReader:
 
     def _interrupt(self) -> None:
         """Tell the fence where the present run stopped, unless its end marker was taken."""
-        if self._is_open and not self.ended:
+        if self.is_open and not self.ended:
             self._fence.interrupt(self.next_index if self.received else None)
-        self._is_open = False
+        self.is_open = False
 
     def _take_held(self, message_type: Any, is_raw: bool) -> Any:
         """Take the held messages in place of those of the subscription, until none is left."""
