@@ -26,7 +26,7 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
-from typing import Final, TypeGuard
+from typing import Any, Final, TypeGuard
 
 try:
     import termios
@@ -35,7 +35,9 @@ except ImportError:  # on Windows, where the commands without ROS run too
 
 __all__ = [
     'STOP_SIGNALS',
+    'HeldInterruption',
     'Interruption',
+    'holding_interruption',
     'interruptible',
     'leave_closed_terminal',
     'remembering_interruption',
@@ -77,6 +79,37 @@ class Interruption:
         raise KeyboardInterrupt(signal.Signals(number).name)
 
 
+class HeldInterruption(Interruption):
+    """Handler that raises once at most, and within `released` only; it remembers elsewhere."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._may_raise = False
+
+    def __call__(self, number: int, frame: FrameType | None) -> None:
+        """Remember the signal, and raise KeyboardInterrupt where that may be."""
+        self.signal_number = number
+        leave_closed_terminal()
+        if self._may_raise:
+            self._may_raise = False  # What follows the first is not to be cut off by a second.
+            self.raise_what_came()
+
+    def raise_what_came(self) -> None:
+        """Raise KeyboardInterrupt with the name of the signal, if one has come."""
+        if self.came:
+            raise KeyboardInterrupt(signal.Signals(self.signal_number).name)
+
+    @contextmanager
+    def released(self) -> Iterator[None]:
+        """Let a signal raise in here, also one that has come before."""
+        try:
+            self._may_raise = not self.came
+            self.raise_what_came()
+            yield
+        finally:
+            self._may_raise = False
+
+
 @contextmanager
 def remembering_interruption() -> Iterator[Interruption]:
     """
@@ -109,11 +142,30 @@ def interruptible() -> Iterator[None]:
 
     For what no run depends on, such as the report after the last run.
     """
+    with _in_place_of(callable, Interruption()):
+        yield
+
+
+@contextmanager
+def holding_interruption() -> Iterator[HeldInterruption]:
+    """
+    Have stop signals wait for the parts that they may end, or for the end of the whole.
+
+    For what leaves something driven if it is cut off. A signal that is ignored stays so.
+    """
+    interruption = HeldInterruption()
+    with _in_place_of(lambda before: before not in (None, signal.SIG_IGN), interruption):
+        yield interruption
+    interruption.raise_what_came()
+
+
+@contextmanager
+def _in_place_of(is_replaced: Callable[[Any], bool], interruption: Interruption) -> Iterator[None]:
+    """Put an interruption in place of some handlers of stop signals, in the main thread only."""
     replaced = {}
     if threading.current_thread() is threading.main_thread():
         handlers = {number: signal.getsignal(number) for number in STOP_SIGNALS}
-        replaced = {number: before for number, before in handlers.items() if callable(before)}
-    interruption = Interruption()
+        replaced = {number: before for number, before in handlers.items() if is_replaced(before)}
     for number in replaced:
         signal.signal(number, interruption)
     try:

@@ -30,6 +30,7 @@ from piezo_ros.hardware.calibration import Calibration, sensor_v, two_point_cali
 from piezo_ros.hardware.checks.loopback import measure_loopback
 from piezo_ros.hardware.chosen_device import choose_device
 from piezo_ros.hardware.device import Device, DeviceError
+from piezo_ros.interruption import holding_interruption
 from piezo_ros.parameters.errors import PlanError
 from piezo_ros.parameters.hardware_file import read_hardware
 from piezo_ros.parameters.hardware_parameters import DEVICES, HardwareParameters
@@ -116,15 +117,17 @@ def _at_rest(options: argparse.Namespace) -> Iterator[tuple[Device, HardwarePara
     if hardware.is_real and not options.yes:
         ask_to_drive(f'{hardware.device} {hardware.output_channel}')
     device = choose_device(hardware.device, hardware.to_mapping())
-    try:
-        device.open(options.sample_period_s)
-        device.ramp_to(0.0, options.slew_v_per_s)
+    with holding_interruption() as interruption:  # No signal cuts a ramp off.
         try:
-            yield device, hardware
-        finally:
+            device.open(options.sample_period_s)
             device.ramp_to(0.0, options.slew_v_per_s)
-    finally:
-        device.close()
+            try:
+                with interruption.released():
+                    yield device, hardware
+            finally:
+                device.ramp_to(0.0, options.slew_v_per_s)
+        finally:
+            device.close()
 
 
 def _loopback(options: argparse.Namespace) -> int:

@@ -17,13 +17,21 @@
 import os
 import pty
 import re
+import signal
+import subprocess
+import sys
+from pathlib import Path
 
+import numpy as np
 import pytest
+from paced_device import PacedDevice
+from python_path import python_path
 
 from piezo_ros.cli.main import main
 from piezo_ros.cli.shared.drive_question import ask_to_drive
 from piezo_ros.parameters.errors import PlanError
 
+ROOT = Path(__file__).resolve().parents[2]
 STAGE = """
 /**/plant:
   ros__parameters: {{device: {device}, noise_rms_um: 0.001{more}}}
@@ -94,6 +102,63 @@ def test_a_calibration_that_tells_nothing_is_refused(stage, capsys, words, code,
 def test_a_file_that_is_wrong_or_a_real_output_is_not_driven(stage, capsys, device, more, said):
     assert main(['device', 'loopback', stage(device, more)]) == 2
     assert said in capsys.readouterr().err
+
+
+@pytest.fixture
+def paced(stage, tmp_path):
+    """Return the words of a calibration of a device that logs its output, and the log."""
+    log = tmp_path / 'output.f64'
+    return [
+        'device', 'calibrate', '--yes', '--at-v', '0.5', '9.5', '--sample-period-s', '1e-3', stage(
+            'paced_device:PacedDevice', f", address: '{log}', output_channel: 'held 3.0'")], log
+
+
+def assert_at_rest(log):
+    output_v = np.fromfile(log)
+    assert output_v[-1] == 0.0
+    assert np.abs(np.diff(output_v)).max() <= 0.1 * (1.0 + 1e-9)  # 100 V/s
+    return output_v
+
+
+def test_a_manager_that_ends_it_at_its_question_leaves_the_output_at_rest(paced):
+    words, log = paced
+    ours, theirs = pty.openpty()
+    process = subprocess.Popen(
+        [sys.executable, '-m', 'piezo_ros.cli.main', *words], stdin=theirs, stderr=subprocess.PIPE,
+        env={**os.environ, 'PYTHONPATH': python_path(ROOT, ROOT / 'test' / 'support')})
+    os.close(theirs)
+    os.write(ours, b'0.61\n')
+    said = b''
+    while b'at 9.5 V [um]: ' not in said and (more := os.read(process.stderr.fileno(), 4096)):
+        said += more
+    process.terminate()
+    said += process.communicate()[1]
+    os.close(ours)
+    assert process.returncode == 1, said
+    assert b'piezo: stopped by SIGTERM' in said
+    assert assert_at_rest(log).max() == 4.5
+
+
+@pytest.mark.parametrize('ramps', [(1,), (3, 4), (4,)])
+def test_ctrl_c_cuts_no_ramp_to_rest_off(paced, ramps, monkeypatch, capsys):
+    def ramp_to(device, voltage_v, slew_v_per_s):
+        calls.append(voltage_v)
+        if len(calls) in ramps:
+            os.kill(os.getpid(), signal.SIGINT)
+            for _ in range(1000):
+                pass  # the handler runs between two of these
+        ramped(device, voltage_v, slew_v_per_s)
+
+    calls, ramped = [], PacedDevice.ramp_to
+    monkeypatch.setattr(PacedDevice, 'ramp_to', ramp_to)
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        assert main([*paced[0], '--um', '1', '2']) == 1
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert 'stopped by SIGINT' in capsys.readouterr().err
+    assert_at_rest(paced[1])
+    assert PacedDevice.devices[-1].is_closed
 
 
 def test_a_device_is_checked(stage, capsys):
