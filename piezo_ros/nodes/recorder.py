@@ -105,9 +105,10 @@ class Recorder(LoopNode):
         if self._bag is None and not self._open():
             return progress
         assert self._bag is not None
-        with _told_as_fault():
-            while self._pending:
-                self._bag.write(*self._pending.popleft())
+        if self._pending:  # A recorder that waits looks very often.
+            with _told_as_fault():
+                while self._pending:
+                    self._bag.write(*self._pending.popleft())
         if not progress and all(reader.ended for reader in self.readers.values()):
             if self._has_all_parameters():
                 self.finish()

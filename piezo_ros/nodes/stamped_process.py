@@ -21,7 +21,7 @@ import rclpy
 from rclpy.exceptions import ParameterException
 
 from piezo_ros.nodes.stamped import Stamped
-from piezo_ros.runtime.node.rclpy_node.guard import explain
+from piezo_ros.runtime.node.rclpy_node.guard import explain, spin_guarded
 from piezo_ros.runtime.process.distribution import make_events_executor, name_of_distribution
 from piezo_ros.runtime.process.leaving import exit_after
 from piezo_ros.runtime.process.middleware import initialise_rclpy
@@ -42,15 +42,6 @@ def _create_node(message_type: Any) -> Stamped | None:
         # Names the parameter, its value and the range, or what of an overridden QoS is nonsense.
         print(f'stamped cannot start: {explain(error)}', file=sys.stderr)
         return None
-
-
-def _serve(executor: Any, node: Stamped, stop: StopRequest) -> None:
-    """Serve the node until the process is asked to end, whatever rclpy raises of a message."""
-    while not stop.signal_number:
-        try:
-            executor.spin_once(0.5)
-        except Exception as error:
-            node.get_logger().error(explain(error), throttle_duration_sec=10.0)
 
 
 def main() -> int:
@@ -77,7 +68,7 @@ def main() -> int:
         node = _create_node(JointState)
         if node is not None:
             executor.add_node(node)
-            _serve(executor, node, stop)
+            spin_guarded(executor, node, lambda: bool(stop.signal_number))
             code = 0
     finally:
         exit_after(_LEAVE_S, code)

@@ -20,7 +20,6 @@ import signal
 import sys
 import threading
 import time
-import traceback
 import warnings
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
@@ -34,6 +33,7 @@ from rclpy.lifecycle import TransitionCallbackReturn
 
 from piezo_ros.runtime.node.handshake import await_acknowledgements
 from piezo_ros.runtime.node.loop_node import LoopNode
+from piezo_ros.runtime.node.rclpy_node.guard import spin_guarded
 from piezo_ros.runtime.process.distribution import make_events_executor
 from piezo_ros.runtime.process.leaving import exit_after
 from piezo_ros.runtime.process.middleware import initialise_rclpy
@@ -45,8 +45,6 @@ from piezo_ros.runtime.stream_loop import serve_streams
 
 __all__ = ['host']
 
-_HOUSEKEEPING_S = 0.05
-_SPIN_S = 0.5  # between two looks whether the process ends
 _SHORT_SLEEP_S = 0.001
 # How long the readers have for the last messages: one may be delayed, or dead, which becomes
 # known of a killed process only after 20 s.
@@ -156,15 +154,9 @@ def _serve(make_nodes: Callable[[], Sequence[LoopNode]], stop: _NodeStop) -> int
         executor.add_node(node)
     closing = threading.Event()
 
-    def serve_services() -> None:
-        while not closing.is_set():
-            try:
-                executor.spin_once(_SPIN_S)
-            except Exception:  # Whatever rclpy raises, the services go on.
-                nodes[0].get_logger().error(traceback.format_exc(), throttle_duration_sec=10.0)
-                closing.wait(_HOUSEKEEPING_S)
-
-    thread = threading.Thread(target=serve_services, name='executor', daemon=True)
+    thread = threading.Thread(
+        target=spin_guarded, args=(executor, nodes[0], closing.is_set), name='executor',
+        daemon=True)
     thread.start()
     for node in nodes:
         node.transitions.start()

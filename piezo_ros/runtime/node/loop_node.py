@@ -115,9 +115,11 @@ class LoopNode(NodeHooks):
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Destroy every endpoint."""
+        def leave() -> None:
+            self.is_configured = False  # The stream loop touches no endpoint any more.
+
         self.requests.end('cleaned up')
-        # The stream loop touches no endpoint any more.
-        self.between_samples(lambda: setattr(self, 'is_configured', False))
+        self.between_samples(leave)
         # Not while the executor looks at them.
         self.in_executor(self._destroy_endpoints)
         self.status.report('unconfigured')

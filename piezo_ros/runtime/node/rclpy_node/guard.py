@@ -19,15 +19,18 @@ An exception that leaves a callback ends the thread of the executor, or the whol
 it every service: whatever is called from there goes through here.
 """
 
+import time
 import traceback
 from collections.abc import Callable
 from typing import Any
 
 from rclpy.node import Node
 
-__all__ = ['explain', 'guard_services', 'guarded', 'guarded_service']
+__all__ = ['explain', 'guard_services', 'guarded', 'guarded_service', 'spin_guarded']
 
 _THROTTLE_S = 10.0
+_SPIN_S = 0.5  # between two looks whether the process ends
+_PAUSE_S = 0.05
 
 
 def explain(error: BaseException) -> str:
@@ -67,6 +70,16 @@ def guard_services(node: Node) -> None:
     for service in node.services:
         if not hasattr(service.callback, 'guarded'):
             service.callback = guarded_service(node, service.callback)
+
+
+def spin_guarded(executor: Any, node: Node, is_over: Callable[[], bool]) -> None:
+    """Serve an executor until that is over: whatever rclpy raises, the services go on."""
+    while not is_over():
+        try:
+            executor.spin_once(_SPIN_S)
+        except Exception:
+            _log(node)
+            time.sleep(_PAUSE_S)
 
 
 def _log(node: Node) -> None:
