@@ -102,7 +102,7 @@ def _lz4(data: bytes, claimed: int) -> bytes:
 
 
 def _stored(data: bytes, claimed: int) -> bytes:
-    return data
+    return bytes(data)
 
 
 _DECOMPRESS: Final = {'zstd': _zstd, 'lz4': _lz4, '': _stored}

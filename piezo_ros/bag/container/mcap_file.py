@@ -36,6 +36,7 @@ from pathlib import Path
 from typing import BinaryIO, Final, NamedTuple
 
 import numpy as np
+from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Chunk, Metadata, Schema
 from mcap.writer import MCAP0_MAGIC
@@ -44,7 +45,13 @@ from numpy.typing import NDArray
 from piezo_ros.bag.container.chunk_data import COMPRESSIONS, ChunkError, chunk_data
 from piezo_ros.bag.container.chunk_scan import HEAD_BYTES, read_head, scan, unaligned
 from piezo_ros.bag.container.file_formats import HEAD_LENGTH, other_format
-from piezo_ros.bag.container.summary import PARSE_ERRORS, Summary, parsed, read_summary
+from piezo_ros.bag.container.summary import (
+    PARSE_ERRORS,
+    Summary,
+    checksum_holds,
+    parsed,
+    read_summary,
+)
 from piezo_ros.bag.errors import BagError
 
 __all__ = ['McapFile', 'Piece']
@@ -80,6 +87,18 @@ class Piece(NamedTuple):
         channels = unaligned(self.data, '<u2')[self.messages + _CHANNEL_OFFSET]
         for number in np.flatnonzero(np.bincount(channels)).tolist():
             yield number, self.messages[channels == number]
+
+
+class _Views:
+    """Reads a buffer as a file is read, but without a copy of it: chunks are large."""
+
+    def __init__(self, data: bytes) -> None:
+        self._rest = memoryview(data)
+
+    def read(self, length: int) -> memoryview:
+        """Return the next bytes, fewer at the end."""
+        part, self._rest = self._rest[:length], self._rest[length:]
+        return part
 
 
 class _Unpacked(NamedTuple):
@@ -229,6 +248,8 @@ class McapFile:
             opcode, length = read_head(file.read(HEAD_BYTES))
             end = position + HEAD_BYTES + length
             if opcode in (Opcode.DATA_END, Opcode.FOOTER):
+                if opcode == Opcode.DATA_END and not checksum_holds(file, position):
+                    self._lose(position, 'the checksum of all data is wrong')
                 self._summarise(file, position)
                 return
             if opcode == 0 or (end > size and opcode != Opcode.CHUNK):
@@ -311,7 +332,7 @@ def _unpacked_chunk(path: Path, position: int, length: int, body: bytes) -> _Unp
     """
     nothing = partial(_scanned, position, b'')
     try:
-        chunk = parsed(Chunk.read, body)
+        chunk = Chunk.read(ReadDataStream(_Views(body)))  # type: ignore[arg-type]
     except PARSE_ERRORS:
         return nothing('a chunk cut within its head')
     if chunk.compression not in COMPRESSIONS:
@@ -322,7 +343,7 @@ def _unpacked_chunk(path: Path, position: int, length: int, body: bytes) -> _Unp
         left = len(chunk.data)
         return nothing(f'a chunk of which {left} of {left + missing} bytes are left')
     if missing:
-        return _scanned(position, chunk.data, 'the end of a chunk')
+        return _scanned(position, bytes(chunk.data), 'the end of a chunk')
     try:
         return _scanned(position, chunk_data(chunk))
     except ChunkError as error:

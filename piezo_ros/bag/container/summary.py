@@ -28,12 +28,13 @@ from mcap.writer import MCAP0_MAGIC
 
 from piezo_ros.bag.container.chunk_scan import HEAD_BYTES, read_head
 
-__all__ = ['PARSE_ERRORS', 'Summary', 'parsed', 'read_summary']
+__all__ = ['PARSE_ERRORS', 'Summary', 'checksum_holds', 'parsed', 'read_summary']
 
 PARSE_ERRORS: Final = (McapError, struct.error, UnicodeDecodeError, OverflowError, MemoryError)
 _LARGEST_BYTES: Final = 256 << 20
 _FOOTER_BYTES: Final = HEAD_BYTES + 20
 _CHECKSUM_BYTES: Final = 4
+_PART_BYTES: Final = 1 << 20
 _Record = TypeVar('_Record')
 
 
@@ -58,6 +59,40 @@ class Summary(NamedTuple):
 def parsed(read: Callable[[ReadDataStream], _Record], body: bytes) -> _Record:
     """Return the record with this body."""
     return read(ReadDataStream(io.BytesIO(body)))
+
+
+def checksum_holds(file: BinaryIO, end: int) -> bool:
+    """
+    Return whether the checksum that ends the data is right, or the writer gave none.
+
+    Writers differ in whether it begins with the file or behind the header: both are taken.
+
+    Parameters
+    ----------
+    file : file
+        The file.
+    end : int
+        Where the record that ends the data begins.
+
+    """
+    file.seek(end + HEAD_BYTES)
+    told = int.from_bytes(file.read(_CHECKSUM_BYTES), 'little')
+    if told == 0:
+        return True
+    file.seek(len(MCAP0_MAGIC))
+    _, header_length = read_head(file.read(HEAD_BYTES))
+    behind_header = len(MCAP0_MAGIC) + HEAD_BYTES + header_length
+    return any(_checksum(file, start, end) == told for start in (0, behind_header))
+
+
+def _checksum(file: BinaryIO, start: int, end: int) -> int:
+    """Return the checksum of a part of a file."""
+    file.seek(start)
+    checksum = 0
+    while start < end and (part := file.read(min(_PART_BYTES, end - start))):
+        checksum = zlib.crc32(part, checksum)
+        start += len(part)
+    return checksum
 
 
 def read_summary(file: BinaryIO, start: int) -> Summary | None:

@@ -20,13 +20,14 @@ that they must have and read as the rows of a matrix. Blocks of any other layout
 one.
 """
 
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from piezo_ros.bag.container.chunk_scan import HEAD_BYTES, MESSAGE_HEAD_BYTES, unaligned
 from piezo_ros.streams import BlockCodec, MalformedBlockError
+from piezo_ros.streams.block import HEADER_NUMBERS
 
 __all__ = ['Blocks', 'decoded']
 
@@ -98,22 +99,25 @@ def _equal_blocks(
 ) -> Blocks | None:
     """Decode blocks of one size, None unless every one has the layout of `BlockCodec`."""
     count, rest = divmod(size - len(codec.header(0)[0]), 8)
-    count -= 2
+    count -= HEADER_NUMBERS
     if count < 0 or rest:
         return None
     header, mask = codec.header(count)
     starts = messages + MESSAGE_HEAD_BYTES
-    if (unaligned(data, '<u2')[starts] != int.from_bytes(header[:2], 'little')).any():
+    stride = _stride(starts)
+    if (_rows(data, starts, stride, '<u2', 1) != int.from_bytes(header[:2], 'little')).any():
         return None
-    words = _rows(data, starts + _ENCAPSULATION_BYTES, size - _ENCAPSULATION_BYTES)
-    expected = np.frombuffer(header[_ENCAPSULATION_BYTES:], '<u8')
-    matters = np.frombuffer(mask[_ENCAPSULATION_BYTES:], '<u8')
-    if ((words[:, :expected.size] & matters) != expected).any():
+    words = _rows(
+        data, starts + _ENCAPSULATION_BYTES, stride, '<u8', (size - _ENCAPSULATION_BYTES) // 8)
+    expected = np.frombuffer(header[_ENCAPSULATION_BYTES:], '<u8')[:, np.newaxis]
+    matters = np.frombuffer(mask[_ENCAPSULATION_BYTES:], '<u8')[:, np.newaxis]
+    # NumPy works along the last axis: where blocks are short, there are more blocks than words.
+    heads = np.ascontiguousarray(words[:, :len(expected) + HEADER_NUMBERS].T)
+    if ((heads[:len(expected)] & matters) != expected).any():
         return None
-    numbers = words[:, expected.size:].view('<f8')
-    return Blocks(
-        numbers[:, 0].astype(np.float64), numbers[:, 1].astype(np.float64),
-        np.full(messages.size, count), numbers[:, 2:].astype(np.float64).ravel())
+    indices, periods_s = heads[len(expected):].view('<f8').astype(np.float64)
+    samples = words[:, len(heads):].view('<f8').astype(np.float64).ravel()
+    return Blocks(indices, periods_s, np.full(messages.size, count), samples)
 
 
 def _one_by_one(
@@ -142,16 +146,25 @@ def _distinct(values: _Integers) -> list[int]:
     return [first] if (values == first).all() else [int(value) for value in np.unique(values)]
 
 
-def _rows(data: bytes, starts: _Integers, size: int) -> NDArray[np.uint64]:
-    """Return the bytes from each start on as rows of words, a view where the stride is regular."""
-    if starts.size > 1:
-        strides = np.diff(starts)
-        if (strides == strides[0]).all():
-            return np.ndarray(
-                (starts.size, size // 8), '<u8', buffer=data, offset=int(starts[0]),
-                strides=(int(strides[0]), 8))
-    gathered = unaligned(data, f'V{size}')[starts]
-    return gathered.view('<u8').reshape(starts.size, size // 8)
+def _stride(starts: _Integers) -> int | None:
+    """Return the distance of places that follow one another regularly, None if they do not."""
+    if starts.size < 2:
+        return None
+    strides = np.diff(starts)
+    return int(strides[0]) if (strides == strides[0]).all() else None
+
+
+def _rows(
+    data: bytes, starts: _Integers, stride: int | None, kind: str, width: int,
+) -> NDArray[Any]:
+    """Return so many numbers from each start on, a view where the stride is regular."""
+    item_bytes = np.dtype(kind).itemsize
+    if stride is not None:
+        return np.ndarray(
+            (starts.size, width), kind, buffer=data, offset=int(starts[0]),
+            strides=(stride, item_bytes))
+    gathered = unaligned(data, f'V{width * item_bytes}')[starts]
+    return gathered.view(kind).reshape(starts.size, width)
 
 
 def _merged(members: list[_Integers], groups: list[Blocks]) -> Blocks:

@@ -30,7 +30,8 @@ __all__ = ['StreamAssembler', 'same_period']
 
 # A publisher that computes the sample period anew for each block rounds it differently.
 _PERIOD_TOLERANCE: Final = 1e-9
-_LONGEST_GAP: Final = 10_000_000  # samples that are filled; a longer one is a wrong index
+# Samples that are filled in a stream, 80 MB; what asks for more is a wrong index.
+_MOST_FILLED: Final = 10_000_000
 _BLOCK_NUMBERS_BYTES: Final = 8 * HEADER_NUMBERS
 
 
@@ -112,10 +113,13 @@ class StreamAssembler:
 
     def _gap_words(self) -> str:
         first, stop = self._gaps[0]
-        samples = sum(end - start for start, end in self._gaps)
         return (
             f'stream {self.stream!r} has {len(self._gaps)} gap{"s" * (len(self._gaps) > 1)} of '
-            f'{samples} samples, the first from index {first} to {stop - 1}')
+            f'{self._filled()} samples, the first from index {first} to {stop - 1}')
+
+    def _filled(self) -> int:
+        """Return how many samples of the gaps before are filled."""
+        return sum(stop - first for first, stop in self._gaps)
 
     def _problem_words(self, problem: str) -> str:
         if not self.left_out:
@@ -138,11 +142,12 @@ class StreamAssembler:
         """
         if not messages.size:
             return
-        handed_on = self.count
+        before = self.count - self._filled()
         if self.problem is None:
             self._take(piece, messages)
         if self.problem is not None:
-            self.left_out += self._samples_in(piece, messages) - (self.count - handed_on)
+            taken = self.count - self._filled() - before
+            self.left_out += self._samples_in(piece, messages) - taken
 
     def _samples_in(self, piece: Piece, messages: NDArray[np.int64]) -> int:
         """Return how many samples messages have room for, whatever else is wrong with them."""
@@ -198,6 +203,15 @@ class StreamAssembler:
         return np.insert(
             samples, np.repeat(places, (starts - due)[gaps].astype(np.int64)), np.nan)
 
+    def _in_order(self, blocks: Blocks, expected: NDArray[np.float64]) -> bool:
+        """Return whether the blocks have samples, a place and a sample period as they should."""
+        indices = blocks.indices
+        return bool(
+            not self._ended and blocks.counts.all() and (indices == expected).all()
+            and 0 <= indices[0] and indices[0] % 1.0 == 0 and indices[-1] < MAXIMUM_INDEX
+            and 0 < self.sample_period_s < np.inf
+            and same_period(self.sample_period_s, blocks.periods_s).all())
+
     def _leading(self, blocks: Blocks) -> tuple[int, str | None]:
         """Return how many blocks are in order, and what is wrong with the next one."""
         indices, periods, counts = blocks.indices, blocks.periods_s, blocks.counts
@@ -205,12 +219,14 @@ class StreamAssembler:
         expected = (
             self.start_index if self._blocks or self._given_start is not None else indices[0]
         ) + sent
+        if self._in_order(blocks, expected):
+            return indices.size, None
         if self._fill_gaps:
             expected[1:] = (indices + counts)[:-1]
             sent = expected - self.start_index
-            missing = indices - expected
-            forward = (missing > 0) & (missing <= _LONGEST_GAP) & (counts > 0)
-            expected = np.where(forward, indices, expected)
+            missing = np.where(counts > 0, np.maximum(indices - expected, 0.0), 0.0)
+            fillable = self._filled() + np.cumsum(missing) <= _MOST_FILLED
+            expected = np.where((missing > 0) & fillable, indices, expected)
         # An end carries the count of samples sent, which is less where the first index is not 0.
         continues = (indices == expected) | ((counts == 0) & (indices == sent))
         after_end = np.append(self._ended, counts[:-1] == 0)
@@ -240,5 +256,6 @@ class StreamAssembler:
                 f'{name} goes on at index {index:.0f} after its end at {due:.0f}; where another '
                 'run follows, run=2 (--run 2) reads it')
         if index > due:
-            return first, f'{name} has a gap: index {due:.0f} is due, {index:.0f} comes'
+            return first, f'{name} has a gap: index {due:.0f} is due, {index:.0f} comes' + (
+                f', at most {_MOST_FILLED} samples of a stream are filled' * self._fill_gaps)
         return first, f'{name} has an overlap: index {due:.0f} is due, {index:.0f} comes again'

@@ -15,6 +15,7 @@
 """Pieces of MCAP files, one after the other and by their position; damage between chunks."""
 
 import struct
+import zlib
 
 import numpy as np
 import pytest
@@ -80,3 +81,31 @@ def test_a_message_shorter_than_its_head_is_named(path, tmp_path):
     assert sum(piece.messages.size for piece in file.pieces()) == len(SAMPLES)
     (loss,) = file.damage
     assert 'records that are not whole' in loss
+
+
+def _with_data_checksum(path, start):
+    """Let the record that ends the data have a checksum of all before it from an offset on."""
+    raw = bytearray(path.read_bytes())
+    data_end = raw.rindex(struct.pack('<BQ', 0x0F, 4))
+    raw[data_end + 9:data_end + 13] = struct.pack('<I', zlib.crc32(raw[start:data_end]))
+    path.write_bytes(raw)
+    return bytes(raw), data_end
+
+
+def _behind_header(raw):
+    return 8 + 9 + int.from_bytes(raw[9:17], 'little')
+
+
+@pytest.mark.parametrize('of_file', [True, False])
+def test_a_checksum_of_all_data_is_compared(path, of_file):
+    raw, data_end = _with_data_checksum(path, 0 if of_file else _behind_header(path.read_bytes()))
+    file = McapFile(path)
+    assert sum(piece.messages.size for piece in file.pieces()) == len(SAMPLES)
+    assert file.damage == []
+    damaged = bytearray(raw)
+    damaged[data_end + 9] ^= 1
+    path.write_bytes(damaged)
+    file = McapFile(path)
+    assert sum(piece.messages.size for piece in file.pieces()) == len(SAMPLES)
+    (loss,) = file.damage
+    assert 'the checksum of all data is wrong' in loss

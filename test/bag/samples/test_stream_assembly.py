@@ -149,3 +149,20 @@ def test_a_cut_message_is_named_by_its_number(cut):
     result = _assembled([_piece(raws[:2]), _piece(raws[2:])])
     assert result.samples.size == 2
     assert "message 2 of stream 'voltage'" in result.problem
+
+
+def test_gaps_are_filled_up_to_a_limit_of_all_of_them():
+    gap, blocks = 4_000_000, 5
+    raws = [
+        BlockCodec('voltage').encode(number * gap, PERIOD_S, np.ones(1))
+        for number in range(blocks)]
+    for pieces in ([_piece(raws)], [_piece([raw]) for raw in raws]):
+        samples = Collected()
+        assembler = StreamAssembler('voltage', samples, fill_gaps=True, keep_not_finite=True)
+        for piece in pieces:
+            assembler.add(piece, piece.messages)
+        assert samples.samples().size == assembler.count == 2 * gap + 1
+        assert 'has 2 gaps of 7999998 samples' in assembler.loss
+        assert (
+            'has a gap: index 8000001 is due, 12000000 comes, at most 10000000 samples of a '
+            'stream are filled; 2 of 8000003 samples of this stream are left out') in assembler.loss
