@@ -53,14 +53,15 @@ def test_faults_leave_right_samples_and_right_exit_codes(make_rig, make_peer, wr
     numbers = range(first, first + number_of_trials(SLOW_TRIALS))
     for number in numbers:
         cell, rig = _cell(number), make_rig()
-        title = f'{cell.fault}: {cell.place}'
+        title, outcome = f'{cell.fault}: {cell.place}', 'failed'
         try:
-            counts[title, FaultTrial(cell, rig, make_peer, write_plan, number).run()] += 1
-            shutil.rmtree(rig.directory)
+            outcome = FaultTrial(cell, rig, make_peer, write_plan, number).run()
         except (AssertionError, pytest.fail.Exception) as error:
             failures.append(f'trial {number}, {cell.title}: {str(error)[:1000]}')
-            counts[title, 'failed'] += 1
         finally:
             rig.destroy()
+        counts[title, outcome] += 1
+        if outcome != 'failed':
+            shutil.rmtree(rig.directory)
     add_results('live_faults', counts, failures, numbers)
     assert not failures, '\n'.join(failures)
