@@ -18,7 +18,7 @@ from datetime import datetime, timezone
 from pathlib import Path
 from typing import Final
 
-from piezo_ros.parameters.bounded_yaml import MAXIMUM_BYTES, yaml_content
+from piezo_ros.bag.container.rosbag2_files import metadata_entries
 
 __all__ = ['recorded_utc']
 
@@ -44,10 +44,7 @@ def recorded_utc(path: Path) -> str:
 
     """
     try:
-        with (path / 'metadata.yaml').open('rb') as file:
-            entries = yaml_content(file.read(MAXIMUM_BYTES + 1))
-        start_ns = entries['rosbag2_bagfile_information']['starting_time'][
-            'nanoseconds_since_epoch']
+        start_ns = (metadata_entries(path) or {})['starting_time']['nanoseconds_since_epoch']
         start = datetime.fromtimestamp(start_ns // _NS_PER_S, tz=timezone.utc)
     except (OSError, KeyError, TypeError, ValueError, OverflowError):  # of foreign bags
         return ''

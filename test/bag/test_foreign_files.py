@@ -22,6 +22,7 @@ import yaml
 from mcap.writer import Writer
 
 from piezo_ros.bag import STREAMS, BagError, BagWriter, BlockCodec, open_recording, read, salvage
+from piezo_ros.bag.recording_date import recorded_utc
 from piezo_ros.cli.main import main
 from piezo_ros.streams.message_type import DEFINITION, TYPE_NAME
 
@@ -96,6 +97,7 @@ def test_a8_a_pipe_is_not_waited_for(tmp_path, write_run):
     (tmp_path / 'bag' / 'metadata.yaml').unlink()
     os.mkfifo(tmp_path / 'bag' / 'metadata.yaml')
     assert read(tmp_path / 'bag').samples == 20
+    assert recorded_utc(tmp_path / 'bag') == ''
 
 
 def test_a8_a_file_name_in_metadata_yaml_that_no_file_can_have_is_a_missing_file(

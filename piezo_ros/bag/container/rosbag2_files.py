@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 from piezo_ros.bag.errors import BagError
 from piezo_ros.parameters.bounded_yaml import MAXIMUM_BYTES, YamlError, yaml_content
 
-__all__ = ['BagFiles', 'bag_files']
+__all__ = ['BagFiles', 'bag_files', 'metadata_entries']
 
 
 class BagFiles(NamedTuple):
@@ -136,18 +136,38 @@ def _recording_order(file: Path) -> list[tuple[int, str]]:
     ]
 
 
-def _listed(path: Path) -> _Listed | None:
-    """Return what ``metadata.yaml`` says, None if it is missing, empty or of another form."""
+def metadata_entries(path: Path) -> Mapping[Any, Any] | None:
+    """
+    Return what ``metadata.yaml`` says, unchecked.
+
+    Parameters
+    ----------
+    path : Path
+        The bag, a directory.
+
+    Returns
+    -------
+    mapping or None
+        The entries by their keys; None if the file is missing, empty, no regular file or of
+        another form.
+
+    """
     file = path / 'metadata.yaml'
     if not file.is_file():
-        return None
+        return None  # a pipe would keep the reader waiting
     try:
         with file.open('rb') as stream:
             content = yaml_content(stream.read(MAXIMUM_BYTES + 1))
     except (OSError, YamlError):
         return None  # a recorder that was killed leaves no whole metadata.yaml
     entries = content.get('rosbag2_bagfile_information') if isinstance(content, Mapping) else None
-    if not isinstance(entries, Mapping):
+    return entries if isinstance(entries, Mapping) else None
+
+
+def _listed(path: Path) -> _Listed | None:
+    """Return what ``metadata.yaml`` says of the files, None if it is not of its form."""
+    entries = metadata_entries(path)
+    if entries is None:
         return None
     storage = entries.get('storage_identifier')
     mode = entries.get('compression_mode') or ''
