@@ -24,7 +24,7 @@ import time
 import numpy as np
 from fault_matrix import FILE_SIZE, FOREIGN, FOREIGN_STATUS, SIGNALS, SUPERVISOR
 from message_mutations import MALFORMED, damaged_message
-from processes import wait_until
+from processes import wait_until, was_cut_off_while_starting
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import Float64MultiArray, String, UInt64
 
@@ -51,8 +51,6 @@ COMPARED_PERIODS = 50
 NOT_LIVE = (
     'large random message', 'no bytes', 'consumed already', 'end of another run',
     'flipped bytes ahead of the numbers', 'other encapsulation')
-# Python's own words where a signal comes while the interpreter starts.
-BEFORE_ANY_CODE = 'Fatal Python error: init_'
 _simulations = {}  # by number of periods
 
 
@@ -194,7 +192,7 @@ class FaultTrial:
     def _check(self, code):
         """Assert what must hold, whatever was done."""
         output = self.command.output
-        assert 'Traceback' not in output or BEFORE_ANY_CODE in output, output
+        assert 'Traceback' not in output or was_cut_off_while_starting(output), output
         if self._is_killed('SIGKILL'):
             assert code == -signal.SIGKILL, output
             wait_until(lambda: not self.rig.nodes(), 'every node to end')
@@ -206,7 +204,7 @@ class FaultTrial:
             assert not self.rig.nodes(), f'processes are left: {output}'
         for log in (self.rig.directory / 'out' / 'logs').rglob('*.log'):
             text = log.read_text(errors='replace')
-            assert 'Traceback' not in text or BEFORE_ANY_CODE in text, text
+            assert 'Traceback' not in text or was_cut_off_while_starting(text), text
         samples = self._check_bag(output, code)
         if code == 1 and samples:
             told = ('the voltage deviation is 0 V', 'the voltage is unknown')

@@ -18,6 +18,7 @@ import contextlib
 import importlib.util
 import itertools
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -34,6 +35,10 @@ from piezo_ros.launching.processes import node_processes
 from piezo_ros.runtime.process.running_time import RunningTime
 
 ROOT = Path(__file__).parents[2]
+# Python's own words where it is interrupted before it runs a line of the module that it was given.
+CUT_OFF = ('Fatal Python error: init_', 'Could not import runpy module')
+# Imports of the first module alone: those behind them find a handler of the signal.
+FIRST_IMPORTS = re.compile(r'(executables|cli/main)\.py", line \d+, in <module>')
 PATIENCE_S = 90.0
 _numbers = itertools.count()
 
@@ -57,6 +62,17 @@ def wait_until(condition, what, timeout_s=PATIENCE_S):
 
 
 @contextlib.contextmanager
+def was_cut_off_while_starting(output):
+    """
+    Return whether a process got a signal while Python itself or its first modules came up.
+
+    Then no line of a node has run that could take it, and Python's own words are all there is.
+    """
+    return (
+        any(words in output for words in CUT_OFF)
+        or (bool(FIRST_IMPORTS.search(output)) and output.rstrip().endswith('KeyboardInterrupt')))
+
+
 def busy_processes(number):
     """Have so many processes beside that take all the time that they get."""
     burners = [
