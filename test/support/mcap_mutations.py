@@ -63,6 +63,13 @@ def _joined(raw, records):
         raw[-MAGIC_BYTES:]])
 
 
+def without_data_checksum(raw):
+    """Return an MCAP file as a writer leaves it that gives no checksum of all data, as rosbag2."""
+    return _joined(raw, [
+        (opcode, bytes(len(body)) if opcode == Opcode.DATA_END else body)
+        for opcode, body in records_of(raw)])
+
+
 # --- bytes of a file ------------------------------------------------------------------------------
 
 

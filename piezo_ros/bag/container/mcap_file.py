@@ -145,11 +145,15 @@ class McapFile:
         self.metadata: list[Metadata] = []
         self.attachments: list[Attachment] = []
         self._damage: list[tuple[int, str]] = []
+        self._is_checksum_wrong = False
 
     @property
     def damage(self) -> list[str]:
         """Sentences that say what is cut off, damaged or missing, in the order of the file."""
-        return [*(text for _, text in sorted(self._damage)), *self._vanished()]
+        damage = [*(text for _, text in sorted(self._damage)), *self._vanished()]
+        if self._is_checksum_wrong and not damage:
+            damage = [f'{self.path.name}: something in it, or the checksum of all, was changed']
+        return damage
 
     def _vanished(self) -> list[str]:
         """Return sentences that say how many records are missing by the count of the writer."""
@@ -206,17 +210,19 @@ class McapFile:
                 other_format(head) or f'it begins with {magic!r}, not {MCAP0_MAGIC!r}'))
         file.seek(len(MCAP0_MAGIC))
         if positions is None:
-            yield from self._packed_from(file)
+            yield from self._packed_from(file, zlib.crc32(magic))
             return
         for position in positions:
             file.seek(position)
             yield from islice(self._packed_from(file), 1)
 
-    def _packed_from(self, file: BinaryIO) -> Iterator[Callable[[], _Unpacked]]:
+    def _packed_from(
+        self, file: BinaryIO, checksum: int | None = None,
+    ) -> Iterator[Callable[[], _Unpacked]]:
         """Yield the pieces from here to the end of the file; keep the records between them."""
         loose: list[bytes] = []
         loose_position = loose_bytes = 0
-        for position, opcode, length, body in self._records(file):
+        for position, opcode, length, body in self._records(file, checksum):
             if opcode == Opcode.MESSAGE:
                 if not loose:
                     loose_position, loose_bytes = position, 0
@@ -234,30 +240,40 @@ class McapFile:
         if loose:
             yield partial(_scanned, loose_position, b''.join(loose))
 
-    def _records(self, file: BinaryIO) -> Iterator[tuple[int, int, int, bytes]]:
+    def _records(
+        self, file: BinaryIO, checksum: int | None,
+    ) -> Iterator[tuple[int, int, int, bytes]]:
         """
         Yield offset, opcode, length and body of each record of the data section from here on.
 
         Message indices are left out. The last record may be a chunk of which the end is cut
-        off; every other record is whole.
+        off; every other record is whole. The checksum is that of the file up to here; without it
+        the one at the end of the data is not compared.
         """
         position = file.tell()
         size = file.seek(0, io.SEEK_END)
         file.seek(position)
         while position + HEAD_BYTES <= size:
-            opcode, length = read_head(file.read(HEAD_BYTES))
+            head = file.read(HEAD_BYTES)
+            opcode, length = read_head(head)
             end = position + HEAD_BYTES + length
             if opcode in (Opcode.DATA_END, Opcode.FOOTER):
-                if opcode == Opcode.DATA_END and not checksum_holds(file, position):
-                    self._lose(position, 'the checksum of all data is wrong')
+                if opcode == Opcode.DATA_END and checksum is not None and not checksum_holds(
+                        file, position, checksum):
+                    self._is_checksum_wrong = True
                 self._summarise(file, position)
                 return
             if opcode == 0 or (end > size and opcode != Opcode.CHUNK):
                 break
-            if opcode == Opcode.MESSAGE_INDEX:
+            if opcode == Opcode.MESSAGE_INDEX and checksum is None:
                 file.seek(end)
-            else:
-                yield position, opcode, length, file.read(length if end <= size else -1)
+                position = end
+                continue
+            body = file.read(length if end <= size else -1)
+            if checksum is not None:
+                checksum = zlib.crc32(body, zlib.crc32(head, checksum))
+            if opcode != Opcode.MESSAGE_INDEX:
+                yield position, opcode, length, body
             position = end
         if position < size:
             self._lose(position, f'{size - position} bytes of a record that is not whole')

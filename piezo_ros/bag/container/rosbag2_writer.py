@@ -120,8 +120,10 @@ class Rosbag2Writer:
             cause = cause_of(error)
             raise BagWriteError(f'cannot create the bag {self.path}: {cause}', cause) from error
         with self._disk():
+            # Only what is in chunks has a checksum otherwise, not what describes the run.
             self._writer = Writer(
-                self._file, chunk_size=_CHUNK_BYTES, compression=COMPRESSIONS[compression])
+                self._file, chunk_size=_CHUNK_BYTES, compression=COMPRESSIONS[compression],
+                enable_data_crcs=True)
             self._writer.start(profile='ros2', library='piezo_ros')
 
     @contextmanager

@@ -61,7 +61,7 @@ def parsed(read: Callable[[ReadDataStream], _Record], body: bytes) -> _Record:
     return read(ReadDataStream(io.BytesIO(body)))
 
 
-def checksum_holds(file: BinaryIO, end: int) -> bool:
+def checksum_holds(file: BinaryIO, end: int, checksum: int) -> bool:
     """
     Return whether the checksum that ends the data is right, or the writer gave none.
 
@@ -73,16 +73,17 @@ def checksum_holds(file: BinaryIO, end: int) -> bool:
         The file.
     end : int
         Where the record that ends the data begins.
+    checksum : int
+        That of the file up to there.
 
     """
     file.seek(end + HEAD_BYTES)
     told = int.from_bytes(file.read(_CHECKSUM_BYTES), 'little')
-    if told == 0:
+    if told in (0, checksum):
         return True
     file.seek(len(MCAP0_MAGIC))
     _, header_length = read_head(file.read(HEAD_BYTES))
-    behind_header = len(MCAP0_MAGIC) + HEAD_BYTES + header_length
-    return any(_checksum(file, start, end) == told for start in (0, behind_header))
+    return _checksum(file, len(MCAP0_MAGIC) + HEAD_BYTES + header_length, end) == told
 
 
 def _checksum(file: BinaryIO, start: int, end: int) -> int:

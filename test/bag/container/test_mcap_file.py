@@ -108,4 +108,4 @@ def test_a_checksum_of_all_data_is_compared(path, of_file):
     file = McapFile(path)
     assert sum(piece.messages.size for piece in file.pieces()) == len(SAMPLES)
     (loss,) = file.damage
-    assert 'the checksum of all data is wrong' in loss
+    assert 'something in it, or the checksum of all, was changed' in loss
