@@ -136,7 +136,7 @@ def test_title_and_scored_periods_have_defaults(write_plan):
     ({'runs': 'ff'}, ["runs is 'ff', it must be a list"]),
     ({'runs': ['ff']}, ["run 1 is 'ff', it must be a mapping"]),
     ({'runs': [{}, {'amplitude': 1.0}]}, ["run 2: unknown key 'amplitude'; allowed are scheme,"]),
-    ({'runs': [{1: 2}]}, ['run 1: unknown key 1']),
+    ({'runs': [{1: 2}]}, ["run 1: unknown key '1'"]),
     ({'runs': [{'recorder': {}}]}, ["run 1: unknown key 'recorder'"]),
     ({'runs': [{'scheme': []}]}, ['run 1: scheme is an empty list']),
     ({'runs': [{'scheme': 'pid'}]}, ["run 1: controller: scheme is 'pid', allowed are fb, ff,"]),
@@ -212,7 +212,7 @@ def test_a_plan_that_cannot_be_run_is_refused_by_file_run_key_and_value(
 ])
 def test_what_is_no_number_is_refused_wherever_it_stands(write_plan, place, bad):
     message = refusal_of(write_plan(place.format(bad)))
-    assert bad.replace('.', '') in message
+    assert bad in message or bad.replace('.', '') in message  # a key is told as it is typed
 
 
 @pytest.mark.parametrize(('text', 'what'), [
