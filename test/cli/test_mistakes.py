@@ -80,11 +80,11 @@ PLANS = [
         (plan('harmonics: 9.5'), ['plan.yaml:5: ', 'harmonics is 9.5, it must be an integer']),
         (plan('harmonics: yes'), ['plan.yaml:5: ', 'harmonics is True, it must be an integer']),
         (plan('frequency_hz: []'), ['frequency_hz is an empty list, it must have at least one']),
-        (plan('periods: 2'), ['score_periods is 4, allowed is 0 … 2']),
+        (plan('periods: 2'), ['score_periods is 4, it must be above 0, and at most 2']),
         (plan('waveform: file'), ['plan.yaml:5: ', "file is '' and waveform 'file'"]),
         (plan('waveform: file\n    file: none.csv'), ['plan.yaml:', 'none.csv: No such file']),
         (plan('turn_fraction: 2.0'), ['plan.yaml:5: ', 'turn_fraction is 2.0, allowed is 0 … 1']),
-        (plan('output: voltage\n    amplitude_v: 9.0'), [
+        (plan('amplitude_v: 9.0').replace('scheme: fb', 'output: voltage'), [
             'plan.yaml:', 'amplitude_v is 9.0 V', 'the rails are 5 V from the operating point']),
         (plan('changes: [{at_sample: 99999, scheme: ff}]'), [
             'plan.yaml:5: ', 'at_sample is 99999, the run has 5000 samples']),

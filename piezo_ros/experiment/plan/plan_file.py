@@ -24,13 +24,14 @@ from typing import Any, Final
 from piezo_ros.experiment.model_file import read_accuracy, read_bound
 from piezo_ros.experiment.motion_files import with_motion_files
 from piezo_ros.experiment.plan.automatic import KNOWN_NODES, Known
+from piezo_ros.experiment.plan.entry_effects import refuse_two_values, refuse_without_effect
 from piezo_ros.experiment.plan.entry_keys import refuse_unknown
 from piezo_ros.experiment.plan.hardware_entry import ignored_of_rig, is_of_hardware
 from piezo_ros.experiment.plan.model_rig import MODEL_RIG_KEY, model_rig, model_rig_notes
 from piezo_ros.experiment.plan.raster_scan import RasterScan, read_scans
 from piezo_ros.experiment.plan.run_entry import RUN_KEYS, SHORT_KEYS, checked_parameters, plan_run
 from piezo_ros.parameters.errors import PlanError
-from piezo_ros.parameters.file_lines import naming_line
+from piezo_ros.parameters.file_lines import naming_line, with_line
 from piezo_ros.parameters.node_parameters import LOOP_NODES
 from piezo_ros.parameters.parameter_file import (
     parameters_of_rclpy,
@@ -170,8 +171,12 @@ def read_plan(path: Path) -> Plan:
             raise PlanError(f'{where} is {entry!r}, it must be a mapping')
         with naming_line(where, path, entry):
             refuse_unknown(where, entry, RUN_KEYS)
+            refuse_two_values(where, entry)
         _check_count(where, entry, len(runs))
-        for alternative in _combinations(where, entry):
+        alternatives = _combinations(where, entry)
+        with naming_line(where, path, entry):
+            refuse_without_effect(where, base['trajectory'], alternatives)
+        for alternative in alternatives:
             combination = with_motion_files(path.parent, alternative)
             combinations.append(combination)
             with naming_line(where, path, entry):
@@ -184,8 +189,8 @@ def read_plan(path: Path) -> Plan:
         periods = run.trajectory.periods
         if not 0.0 < score_periods <= periods:
             raise PlanError(
-                f'{path}: score_periods is {score_periods}, allowed is 0 … {periods} '
-                f'(periods of {run.name})')
+                f'{with_line(path, content, "score_periods")}: score_periods is {score_periods}, '
+                f'it must be above 0, and at most {periods:g} (periods of {run.name})')
     if 'sweep' in content and any(run.hardware for run in runs):
         raise PlanError(f'{path}: a sweep is of the simulated rig, plant must have no device')
     return Plan(
