@@ -155,6 +155,10 @@ def _plan_scan(
     from piezo_ros.identification.tuning.linear_plant import bound_magnitude
     from piezo_ros.planning.scan import plan_for_rig, with_bound
     most_um = plant.reach_um - abs(options.offset_um)
+    if not most_um > 0.0:
+        raise ParameterError(
+            f'--offset-um is {options.offset_um:g}, it must be between -{plant.reach_um:g} and '
+            f'{plant.reach_um:g} um (the reach of the stage)')
     if not 0.0 < options.amplitude_um <= most_um:
         beside = f', beside the offset of {options.offset_um:g} um' if options.offset_um else ''
         raise ParameterError(

@@ -75,6 +75,11 @@ def predicted_points(
         lead_pole_hz=lead.pole_hz if lead else 0.0,
         measurement_delay_samples=options.measurement_delay_samples,
         command_minimum_um=-plant.reach_um, command_maximum_um=plant.reach_um)
+    if abs(scan.offset_um) >= plant.reach_um:
+        where = str(options.model) if options.offset_um is None else '--offset-um'
+        raise PlanError(
+            f'{where}: offset_um is {scan.offset_um:g} um, it must be between -{plant.reach_um:g} '
+            f'and {plant.reach_um:g} um (the reach of the stage)')
     amplitudes_um = options.amplitudes_um or [
         _rounded(share * plant.reach_um) for share in _SHARES_OF_REACH]
     for amplitude_um in amplitudes_um:
