@@ -223,7 +223,7 @@ def read_scans(
     """
     defaults = content.get('scan_defaults', {})
     if 'scans' not in content:
-        if defaults:
+        if 'scan_defaults' in content:
             raise PlanError(f'{path}: scan_defaults belong to scans, which are not there')
         return ()
     entries = content['scans']
