@@ -34,7 +34,7 @@ examples:
   piezo check plant --start my_driver --port 3   start my_driver afresh for every fault
   piezo check plant --ahead                      one that plays whole runs, as hardware_plant does
   piezo check controller --namespace rig_a --sample-period-s 1e-4
-  piezo check config/experiments/demo.yaml       travel, rails, slew, average current of a plan
+  piezo check demo                               travel, rails, slew, average current of a plan
   piezo check device --parameters stage.yaml     a device against its protocol
 
 A plant is driven with a sine of --amplitude around its operating point, for some 150 samples.
@@ -50,7 +50,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.epilog = _EXAMPLES
     parser.add_argument(
         'what', metavar='plant|compensator|controller|device|PLAN',
-        help='the kind of node, the device of --parameters, or a plan file (YAML)')
+        help='the kind of node, the device of --parameters, or a plan: a file (YAML), or the bare '
+        'name of one that comes with the package')
     parser.add_argument(
         '--parameters', type=Path, metavar='FILE',
         help='parameter file with the plant that has the device to check')
@@ -92,7 +93,7 @@ def _check(options: argparse.Namespace) -> int:
             f'piezo: {options.what} is none of {", ".join(ROLES)}; only these are started by a '
             'command', file=sys.stderr)
         return 2
-    return _check_plan(Path(options.what))
+    return _check_plan(options.what)
 
 
 def _check_node(options: argparse.Namespace) -> int:
@@ -156,10 +157,17 @@ def _tell(findings: 'Iterable[Finding | DeviceFinding]') -> int:
     return 1 if wrong else 0
 
 
-def _check_plan(path: Path) -> int:
+def _check_plan(what: str) -> int:
+    from piezo_ros.experiment.plan.packaged_plans import packaged_plans, plan_path
+    from piezo_ros.suggestions import did_you_mean
+    try:
+        path = plan_path(what)
+    except argparse.ArgumentTypeError:
+        path = Path(what)
     if not path.is_file():
         print(
-            f'piezo: {path} is neither {", ".join(ROLES)} nor a plan file', file=sys.stderr)
+            f'piezo: {what} is neither {", ".join(ROLES)} nor a plan file'
+            f'{did_you_mean(what, (*ROLES, "device", *packaged_plans()))}', file=sys.stderr)
         return 2
     from piezo_ros.experiment.plan import read_plan
     from piezo_ros.experiment.plan.device_limits import DeviceDemand, check_device_plan

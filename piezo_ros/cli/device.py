@@ -159,7 +159,28 @@ def _failed(why: Exception | str) -> int:
     return EXIT_FAILED
 
 
+def _check_points(options: argparse.Namespace) -> None:
+    """Refuse two points that cannot tell a scale, before anything is driven."""
+    hardware = read_hardware(options.file)
+    low_v, high_v = hardware.voltage_minimum_v, hardware.voltage_maximum_v
+    for input_v in options.at_v:
+        if not low_v <= input_v <= high_v:
+            raise PlanError(f'--at-v is {input_v} V, allowed is {low_v:g} … {high_v:g} V')
+    if options.at_v[0] == options.at_v[1]:
+        raise PlanError(f'--at-v is {input_v} V twice, two different points are needed')
+    if options.um is None:
+        if not (sys.stdin and sys.stdin.isatty()):
+            raise PlanError('give --um LOW HIGH, there is no terminal to ask on')
+        return
+    for um in options.um:
+        if not math.isfinite(um):
+            raise PlanError(f'--um is {um}, it must be finite')
+    if options.um[0] == options.um[1]:
+        raise PlanError(f'--um is {um:g} um twice, two different points are needed')
+
+
 def _calibrate(options: argparse.Namespace) -> int:
+    _check_points(options)
     try:
         with _at_rest(options) as (device, hardware):
             calibration = Calibration.among(hardware.to_mapping())
@@ -189,9 +210,6 @@ def _at_point(
 ) -> tuple[float, float, float]:
     """Go to one of the two points; return volts of the sensor, displacement and noise there."""
     input_v = options.at_v[which]
-    low_v, high_v = hardware.voltage_minimum_v, hardware.voltage_maximum_v
-    if not low_v <= input_v <= high_v:
-        raise PlanError(f'--at-v is {input_v} V, allowed is {low_v:g} … {high_v:g} V')
     device.ramp_to(input_v - hardware.operating_point_v, options.slew_v_per_s)
     held_v = device.hold()
     samples = _READINGS + min(round(_SETTLE_S / options.sample_period_s), _MOST_SETTLING)
@@ -205,8 +223,6 @@ def _at_point(
 
 
 def _asked(question: str) -> float:
-    if not (sys.stdin and sys.stdin.isatty()):
-        raise PlanError('give --um LOW HIGH, there is no terminal to ask on')
     print(question, end='', file=sys.stderr, flush=True)
     line = sys.stdin.readline().strip()
     try:

@@ -69,10 +69,11 @@ def _image(options: argparse.Namespace) -> int:
     from piezo_ros.report.page.raster_report import image_table, write_raster_report
     from piezo_ros.report.scanned_image import scanned_image
     slow_bag = options.slow or options.fast
-    if options.slow is None and options.namespaces[0] == options.namespaces[1]:
+    if (slow_bag.resolve() == options.fast.resolve()
+            and options.namespaces[0] == options.namespaces[1]):
         print(
-            'piezo: one bag holds both axes only if --namespaces tells them apart; else give '
-            'BAG_X and BAG_Y', file=sys.stderr)
+            f'piezo: {slow_bag} is both axes: one bag holds both axes only if --namespaces tells '
+            'them apart; else give BAG_X and BAG_Y', file=sys.stderr)
         return EXIT_USAGE
     try:
         fast, slow = (

@@ -20,9 +20,10 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from piezo_ros.cli.shared.exit_codes import EXIT_DONE, EXIT_FAILED, EXIT_USAGE
+from piezo_ros.cli.shared.exit_codes import EXIT_DONE, EXIT_FAILED, EXIT_POOR, EXIT_USAGE
+from piezo_ros.cli.shared.model_trust import chosen_sample_period_s, poor_model
 from piezo_ros.cli.shared.outputs import check_output
-from piezo_ros.experiment.model_file import read_bound
+from piezo_ros.experiment.model_file import read_bound, read_model
 from piezo_ros.model import DynamicsParameters, HysteresisParameters, ParameterError, RigParameters
 from piezo_ros.parameters.errors import PlanError, failure_text
 from piezo_ros.parameters.parameter_file import read_parameter_set
@@ -98,7 +99,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--ramp-periods', type=float, default=2.0, metavar='N', help='soft start (default: 2)')
     parser.add_argument(
-        '--sample-period-s', type=float, default=1e-5, metavar='TS', help='(default: 1e-5)')
+        '--sample-period-s', type=float, metavar='TS',
+        help='(default: that of the record of MODEL, where it tells one; else 1e-5)')
+    parser.add_argument(
+        '--accept-poor', action='store_true',
+        help='plan also with a model of which the verdict is "do not trust" (else exit 4)')
     parser.add_argument(
         '-o', '--output', type=Path, required=True, metavar='FILE',
         help='parameter file of the trajectory to write; its motion lies beside it (.npz)')
@@ -117,11 +122,15 @@ def _plan(options: argparse.Namespace) -> int:
             'piezo: what is wanted is either --amplitude-um and --frequency-hz, or --motion',
             file=sys.stderr)
         return EXIT_USAGE
+    models = (options.model, options.compensator)
+    if not options.accept_poor and (poor := poor_model(models)):
+        print(f'piezo: {poor}; --accept-poor plans all the same', file=sys.stderr)
+        return EXIT_POOR
     try:
         plant = read_parameter_set(options.plant, 'plant', RigParameters)
-        dynamics = read_parameter_set(options.model, 'trajectory', DynamicsParameters)
-        hysteresis = read_parameter_set(
-            options.compensator, 'compensator', HysteresisParameters)
+        dynamics = read_model(options.model, DynamicsParameters)
+        hysteresis = read_model(options.compensator, HysteresisParameters)
+        options.sample_period_s = chosen_sample_period_s(models, options.sample_period_s)
         notes = (f'models: {options.model}, {options.compensator}; limits: {options.plant}',)
         files = (_plan_scan if is_scan else _plan_motion)(
             options, plant, dynamics, hysteresis, notes)
@@ -146,6 +155,10 @@ def _plan_scan(
     from piezo_ros.identification.tuning.linear_plant import bound_magnitude
     from piezo_ros.planning.scan import plan_for_rig, with_bound
     most_um = plant.reach_um - abs(options.offset_um)
+    if not most_um > 0.0:
+        raise ParameterError(
+            f'--offset-um is {options.offset_um:g}, it must be between -{plant.reach_um:g} and '
+            f'{plant.reach_um:g} um (the reach of the stage)')
     if not 0.0 < options.amplitude_um <= most_um:
         beside = f', beside the offset of {options.offset_um:g} um' if options.offset_um else ''
         raise ParameterError(

@@ -25,7 +25,9 @@ from piezo_ros.bag import BagError, read
 from piezo_ros.cli.shared.bag_options import add_bag_options, bag_options
 from piezo_ros.cli.shared.exit_codes import EXIT_DONE, EXIT_FAILED, EXIT_LOSS
 from piezo_ros.control import SCHEMES, ControllerParameters
+from piezo_ros.experiment.model_file import missing_of_model
 from piezo_ros.experiment.plan.automatic import AUTO
+from piezo_ros.experiment.plan.run_entry import checked_parameters
 from piezo_ros.model import (
     CompensatorParameters,
     DynamicsParameters,
@@ -217,13 +219,13 @@ def _replaced(
     sections = read_parameter_file(path, [node])
     if node not in sections:
         raise PlanError(f'{path} has no section for {node}')
+    checked_parameters(str(path), node, sections[node])
     known = parameter_set.names()
     return {name: value for name, value in sections[node].items() if name in known}
 
 
 def _model(path: Path | None, node: str, parameter_set: type[_Set]) -> _Set | None:
     """Return the model in a file, None where it does not tell the whole of it."""
-    from piezo_ros.experiment.replay import missing_of_model
     values = _replaced(path, node, parameter_set)
     if values is None or missing_of_model(values, parameter_set):
         return None

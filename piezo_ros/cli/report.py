@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Final
 
 from piezo_ros.bag import BagError, Recording, open_recording
-from piezo_ros.cli.shared.bag_options import add_bag_options, bag_options
+from piezo_ros.cli.shared.bag_options import add_bag_options, bag_options, refuse_twice
 from piezo_ros.experiment.output_directory import prepare_directory
 from piezo_ros.parameters.errors import PlanError, failure_text
 from piezo_ros.parameters.provenance import software_versions
@@ -64,6 +64,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def _report(options: argparse.Namespace) -> int:
     from piezo_ros.experiment.raster.recorded_scans import has_scans
+    refuse_twice(options.bags)
     if any(map(has_scans, options.bags)):
         return _report_scans(options)
     return _report_runs(options)

@@ -22,17 +22,12 @@ from typing import TYPE_CHECKING, Any, Final
 
 from piezo_ros import paper
 from piezo_ros.cli.shared.exit_codes import EXIT_FAILED, EXIT_POOR
+from piezo_ros.cli.shared.model_trust import chosen_sample_period_s, poor_model
 from piezo_ros.cli.shared.outputs import check_output
 from piezo_ros.cli.shared.progress import working
 from piezo_ros.control import TrajectoryParameters
 from piezo_ros.control.shapes.fourier_series import PERIODIC
-from piezo_ros.experiment.model_file import (
-    identified_facts,
-    poor_verdict,
-    read_bound,
-    read_dynamics,
-    read_evidence,
-)
+from piezo_ros.experiment.model_file import read_bound, read_dynamics, read_evidence
 from piezo_ros.experiment.output_directory import prepare_directory
 from piezo_ros.experiment.plan.automatic import AUTO
 from piezo_ros.model import LinearDynamics
@@ -56,7 +51,6 @@ examples:
   piezo tune model.yaml --lead --objective feedback_band --max-sensitivity 1.6 -o controller.yaml
   piezo tune slow_stage.yaml --sample-period-s 1e-4 --no-operating-points -o controller.yaml
 """
-_USUAL_PERIOD_S: Final = 1e-5
 _GAINS: Final = (
     ('kP', 'proportional_gain', ''),
     ('kI', 'integral_gain_per_s', '1/s'),
@@ -158,11 +152,11 @@ def _tune(options: argparse.Namespace) -> int:
     if options.report:
         prepare_directory(options.report, force=options.force)
     try:
-        poor = _poor_models(options)
-        if poor:
+        models = (options.model, options.compensator)
+        if not options.accept_poor and (poor := poor_model(models)):
             print(f'piezo: {poor}; --accept-poor tunes all the same', file=sys.stderr)
             return EXIT_POOR
-        _choose_sample_period(options)
+        options.sample_period_s = chosen_sample_period_s(models, options.sample_period_s)
         model = read_dynamics(options.model)
         evidence = read_evidence(
             options.model, model, options.sample_period_s, trust_band=not options.accept_poor)
@@ -222,17 +216,6 @@ def _tune(options: argparse.Namespace) -> int:
     return 0
 
 
-def _poor_models(options: argparse.Namespace) -> str:
-    """Return which model is not to be trusted, '' for none."""
-    if options.accept_poor:
-        return ''
-    for path in (options.model, options.compensator):
-        verdict = poor_verdict(path) if path is not None else ''
-        if verdict:
-            return f'{path}: {verdict}'
-    return ''
-
-
 def _check_numbers(options: argparse.Namespace) -> None:
     """Refuse limits that no loop can keep."""
     for name, least in (
@@ -246,33 +229,6 @@ def _check_numbers(options: argparse.Namespace) -> None:
         raise PlanError(
             f'--measurement-delay-samples is {options.measurement_delay_samples}, allowed is 0 '
             'and more')
-
-
-def _choose_sample_period(options: argparse.Namespace) -> None:
-    """Take the sample period of the record of MODEL, or warn of another one."""
-    for path, section in (
-            (options.model, 'identified_dynamics'), (options.compensator, 'identified_hysteresis')):
-        period_s = None if path is None else _recorded_period_s(path, section)
-        if period_s is None:
-            continue
-        if options.sample_period_s is None:
-            options.sample_period_s = period_s
-        elif not math.isclose(options.sample_period_s, period_s, rel_tol=1e-6):
-            print(
-                f'piezo: warning: the sample period is {options.sample_period_s:g} s here, {path} '
-                f'was identified at {period_s:g} s: delays in samples are other times, and what '
-                'is above half the slower sampling rate is not known', file=sys.stderr)
-    if options.sample_period_s is None:
-        options.sample_period_s = _USUAL_PERIOD_S
-
-
-def _recorded_period_s(path: Path, section: str) -> float | None:
-    period_s = identified_facts(path, section).get('sample_period_s')
-    if period_s is None:
-        return None
-    if isinstance(period_s, bool) or not isinstance(period_s, int | float) or not period_s > 0.0:
-        raise PlanError(f'{path}: sample_period_s is {period_s!r}, it must be a number above 0')
-    return float(period_s)
 
 
 def _sensitivity_text(tuning: 'PiTuning', points: int, options: argparse.Namespace) -> str:

@@ -17,14 +17,21 @@
 import math
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 import numpy as np
 
-from piezo_ros.model import DynamicsParameters, LinearDynamics
+from piezo_ros.model import (
+    DynamicsParameters,
+    HysteresisParameters,
+    LinearDynamics,
+    ParameterSet,
+)
 from piezo_ros.parameters.errors import PlanError
+from piezo_ros.parameters.file_lines import with_line
 from piezo_ros.parameters.parameter_file import (
     parameter_sections,
+    read_parameter_file,
     read_parameter_set,
     read_yaml,
 )
@@ -37,8 +44,9 @@ if TYPE_CHECKING:
     from piezo_ros.identification.tuning.loop_evidence import LoopEvidence
 
 __all__ = [
-    'BOUND_KIND', 'RATIONAL_KIND', 'identified_facts', 'poor_verdict', 'read_accuracy',
-    'read_bound', 'read_dynamics', 'read_evidence',
+    'BOUND_KIND', 'HYSTERESIS_NAMES', 'RATIONAL_KIND', 'identified_facts', 'missing_of_model',
+    'poor_verdict', 'read_accuracy', 'read_bound', 'read_dynamics', 'read_evidence', 'read_model',
+    'recorded_period_s',
 ]
 
 BOUND_KIND = 'uncertainty_bound'
@@ -47,6 +55,70 @@ FORMAT_VERSION = 1
 _DYNAMICS_FACTS: Final = 'identified_dynamics'
 _HYSTERESIS_FACTS: Final = 'identified_hysteresis'
 _POOR: Final = 'do not trust'
+HYSTERESIS_NAMES: Final = ('kappa_um_per_v', 'saturation_v')
+_DYNAMICS: Final = (
+    'gain_k_rad3_per_s3', 'zero_b1_rad_per_s', 'zero_b2_rad2_per_s2', 'time_constant_s',
+    'damping_ratio_1', 'natural_frequency_1_rad_per_s', 'damping_ratio_2',
+    'natural_frequency_2_rad_per_s')
+_Set = TypeVar('_Set', bound=ParameterSet)
+
+
+def missing_of_model(values: Mapping[str, Any], parameter_set: type[ParameterSet]) -> list[str]:
+    """
+    Return the parameters without which a model is another stage's.
+
+    Parameters
+    ----------
+    values : mapping of str to value
+        What is told.
+    parameter_set : type of ParameterSet
+        `HysteresisParameters` or `DynamicsParameters`.
+
+    """
+    names: tuple[str, ...] = HYSTERESIS_NAMES
+    if parameter_set is DynamicsParameters:
+        # Lists of sections are checked together when they are taken.
+        names = () if values.get('dynamics', 'liu') == 'sections' else _DYNAMICS
+    return [name for name in names if name not in values]
+
+
+def read_model(
+    path: Path, parameter_set: type[_Set], node: str = '', assumed: Mapping[str, Any] | None = None,
+) -> _Set:
+    """
+    Return hysteresis or dynamics out of a parameter file that tells the whole of them.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    parameter_set : type of HysteresisParameters or DynamicsParameters
+        The model.
+    node : str, optional
+        The node that has it: by default ``compensator`` of a hysteresis, ``trajectory`` of
+        dynamics.
+    assumed : mapping of str to value, optional
+        As for `read_parameter_set`.
+
+    Raises
+    ------
+    PlanError
+        If the file has no section for the node, a value that this refuses, or not the whole model:
+        the defaults are those of one stage, that of the paper.
+
+    """
+    is_dynamics = issubclass(parameter_set, DynamicsParameters)
+    node = node or ('trajectory' if is_dynamics else 'compensator')
+    model = read_parameter_set(path, node, parameter_set, assumed)
+    section = read_parameter_file(path, [node])[node]
+    missing = missing_of_model(
+        section, DynamicsParameters if is_dynamics else HysteresisParameters)
+    if missing:
+        raise PlanError(
+            f'{with_line(path, section, "")}: the model of the {node} lacks '
+            f'{", ".join(missing)}; it must be whole, as piezo identify writes it: the defaults '
+            'are those of the stage of the paper')
+    return model
 
 
 def read_bound(path: Path) -> 'control.TransferFunction':
@@ -62,8 +134,11 @@ def read_bound(path: Path) -> 'control.TransferFunction':
     import control
     content = _read_kind(path, read_yaml(path), BOUND_KIND)
     try:
+        _check_finite(path, content, ('numerator', 'denominator'))
         return control.tf(content['numerator'], content['denominator'])
-    except (KeyError, TypeError, ValueError) as error:
+    except KeyError as error:
+        raise PlanError(f'{path} has no {error.args[0]!r}') from None
+    except (TypeError, ValueError) as error:
         raise PlanError(f'{path}: {error}') from None
 
 
@@ -79,15 +154,30 @@ def read_dynamics(path: Path) -> 'Model':
     """
     content = read_yaml(path)
     if not (isinstance(content, Mapping) and 'kind' in content):
-        return LinearDynamics(read_parameter_set(path, 'trajectory', DynamicsParameters))
+        return LinearDynamics(read_model(path, DynamicsParameters))
     from piezo_ros.identification.tuning.linear_plant import LinearPlant
     content = _read_kind(path, content, RATIONAL_KIND)
     try:
+        _check_finite(path, content, ('numerator', 'denominator', 'delay_s'))
         return LinearPlant(
             np.array(content['numerator'], dtype=np.float64),
             np.array(content['denominator'], dtype=np.float64), float(content['delay_s']))
-    except (KeyError, TypeError, ValueError) as error:
+    except KeyError as error:
+        raise PlanError(f'{path} has no {error.args[0]!r}') from None
+    except (TypeError, ValueError) as error:
         raise PlanError(f'{path}: {error}') from None
+
+
+def _check_finite(path: Path, content: Mapping[str, Any], names: Iterable[str]) -> None:
+    """Refuse what is no number, or none that limits anything."""
+    for name in names:
+        value = content[name]
+        for each in value if isinstance(value, list) else [value]:
+            if isinstance(each, bool) or not isinstance(each, int | float) or (
+                    not math.isfinite(each)):
+                raise PlanError(
+                    f'{with_line(path, content, name)}: {name} is {value!r}, it must be finite '
+                    'numbers')
 
 
 def _read_kind(path: Path, content: Any, kind: str) -> Mapping[str, Any]:
@@ -137,6 +227,27 @@ def poor_verdict(path: Path) -> str:
         if verdict.startswith(_POOR):
             return verdict
     return ''
+
+
+def recorded_period_s(path: Path) -> float | None:
+    """
+    Return the sample period of the record that a model was identified from, None if not told.
+
+    Raises
+    ------
+    PlanError
+        If it is no number above 0.
+
+    """
+    for section in (_DYNAMICS_FACTS, _HYSTERESIS_FACTS):
+        value = identified_facts(path, section).get('sample_period_s')
+        if value is None:
+            continue
+        if isinstance(value, bool) or not isinstance(value, int | float) or not (
+                0.0 < value < math.inf):
+            raise PlanError(f'{path}: sample_period_s is {value!r}, it must be a number above 0')
+        return float(value)
+    return None
 
 
 def read_accuracy(paths: Iterable[Path]) -> 'ModelAccuracy':

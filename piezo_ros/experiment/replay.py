@@ -34,6 +34,7 @@ from piezo_ros.control import ClosedLoopRun, ControllerParameters, TrajectoryPar
 from piezo_ros.control.changes import Change, parse_changes, segments, without
 from piezo_ros.control.closed_loop import run_loop
 from piezo_ros.control.trajectory_blocks import trajectory_blocks
+from piezo_ros.experiment.model_file import HYSTERESIS_NAMES, missing_of_model
 from piezo_ros.model import (
     CompensatorParameters,
     DynamicsParameters,
@@ -43,13 +44,8 @@ from piezo_ros.model import (
     RigParameters,
 )
 
-__all__ = ['ReplayResult', 'missing_of_model', 'replay']
+__all__ = ['ReplayResult', 'replay']
 
-_HYSTERESIS: Final = ('kappa_um_per_v', 'saturation_v')
-_DYNAMICS: Final = (
-    'gain_k_rad3_per_s3', 'zero_b1_rad_per_s', 'zero_b2_rad2_per_s2', 'time_constant_s',
-    'damping_ratio_1', 'natural_frequency_1_rad_per_s', 'damping_ratio_2',
-    'natural_frequency_2_rad_per_s')
 _GAINS: Final = ('proportional_gain', 'integral_gain_per_s')
 
 _Set = TypeVar('_Set', bound=ParameterSet)
@@ -162,7 +158,7 @@ def replay(
         'controller', _replaced(own_controller, controller, ControllerParameters))
     inverted = recorded.required(
         'compensator', _replaced(own_compensator, compensator, CompensatorParameters))
-    recorded.refuse_defaults('compensator', compensator, CompensatorParameters, _HYSTERESIS)
+    recorded.refuse_defaults('compensator', compensator, CompensatorParameters, HYSTERESIS_NAMES)
     rig, origins = _rig(recorded, own_plant, plant, hysteresis, dynamics)
     if scheme is not None:
         law = law.replaced(scheme=scheme)
@@ -198,25 +194,6 @@ def replay(
             node: names for node, names in recorded.assumed.items()
             if not isinstance(given[node], ParameterSet)},
         same_samples=same, origins=origins)
-
-
-def missing_of_model(values: Mapping[str, Any], parameter_set: type[ParameterSet]) -> list[str]:
-    """
-    Return the parameters without which a model is another stage's.
-
-    Parameters
-    ----------
-    values : mapping of str to value
-        What is told.
-    parameter_set : type of ParameterSet
-        `HysteresisParameters` or `DynamicsParameters`.
-
-    """
-    names: tuple[str, ...] = _HYSTERESIS
-    if parameter_set is DynamicsParameters:
-        # Lists of sections are checked together when they are taken.
-        names = () if values.get('dynamics', 'liu') == 'sections' else _DYNAMICS
-    return [name for name in names if name not in values]
 
 
 def _rig(

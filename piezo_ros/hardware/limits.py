@@ -40,7 +40,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from piezo_ros.hardware.device import Refused
-from piezo_ros.model.parameters import ParameterError, ParameterSet, parameter
+from piezo_ros.model.effects.operating_point import check_operating_point
+from piezo_ros.model.parameters import ParameterSet, parameter
 
 __all__ = [
     'BlockFigure',
@@ -90,13 +91,7 @@ class DriveLimits(ParameterSet):
 
     def check_together(self) -> None:
         """Refuse an operating point outside the rails or the travel."""
-        for value, name, low, high in (
-            (self.operating_point_v, 'operating_point_v',
-             self.voltage_minimum_v, self.voltage_maximum_v),
-            (self.operating_point_um, 'operating_point_um', 0.0, self.travel_um),
-        ):
-            if not low <= value <= high:
-                raise ParameterError(f'{name} is {value}, allowed is {low} … {high}')
+        check_operating_point(self)
 
 
 @dataclass(frozen=True)

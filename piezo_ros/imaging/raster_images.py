@@ -38,6 +38,7 @@ __all__ = ['RasterImages', 'raster_images']
 _LEAST_LINES: Final = 2
 _UNEVEN: Final = 0.05  # how far a step of the slow axis may be off the one before
 _UNEVEN_SAMPLES: Final = 4.0  # and so many samples more: lines begin at whole ones
+_SLOW_SHARE: Final = 0.01  # of the travel of the slow axis, that it goes from line to line
 _STANDSTILL: Final = 1e-9  # of the travel of the slow axis
 
 _Floats = NDArray[np.float64]
@@ -148,7 +149,8 @@ def raster_images(
     centres_um = np.array([
         float(np.mean(slow_reference_um[trace[0]:trace[1] + 1])) for trace, _ in pairs])
     line_samples = float(np.median([back[1] - trace[0] for trace, back in pairs]))
-    pairs = pairs[_frame(centres_um, _UNEVEN + _UNEVEN_SAMPLES / line_samples)]
+    pairs = pairs[_frame(
+        centres_um, float(np.ptp(slow_reference_um)), _UNEVEN + _UNEVEN_SAMPLES / line_samples)]
     low_um, high_um = _ends(fast_reference_um, pairs)
     half_um = 0.5 * central * (high_um - low_um)
     places_um = 0.5 * (high_um + low_um) + half_um * (
@@ -257,7 +259,7 @@ def _ends(reference_um: _Floats, pairs: list[tuple[_Line, _Line]]) -> tuple[floa
     return float(np.median(np.concatenate([starts_um, backs_um]))), float(np.median(tops_um))
 
 
-def _frame(centres_um: _Floats, uneven: float) -> slice:
+def _frame(centres_um: _Floats, travel_um: float, uneven: float) -> slice:
     """Return which consecutive lines the slow axis goes through in one direction, evenly."""
     steps_um = np.diff(centres_um)
     moves = np.abs(steps_um) > _STANDSTILL * float(np.ptp(centres_um))
@@ -272,7 +274,8 @@ def _frame(centres_um: _Floats, uneven: float) -> slice:
             if moves[first] and place - first > best[1] - best[0]:
                 best = (first, place)
             first = place
-    if best == (0, 0):
+    # Another fast axis moves within its lines; rounding alone makes its lines differ.
+    if best == (0, 0) or np.ptp(centres_um) < _SLOW_SHARE * travel_um:
         raise ValueError(
             'the slow reference does not go from line to line: it stays within '
             f'{float(np.ptp(centres_um)):.3g} um, so that there is no image')

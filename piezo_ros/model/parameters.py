@@ -27,7 +27,7 @@ from collections.abc import Mapping, Sequence
 from functools import cache
 from typing import Any, NamedTuple, TypeVar
 
-from piezo_ros.suggestions import did_you_mean
+from piezo_ros.suggestions import did_you_mean, number_meant
 
 __all__ = [
     'CHANGES',
@@ -267,7 +267,9 @@ def _converted(field: 'dataclasses.Field[Any]', value: Any) -> Any:
     if not valid:
         kind = {bool: 'true or false', int: 'an integer', float: 'a number', str: 'text',
                 tuple: 'a list of numbers'}[type(default)]
-        raise ParameterError(f'{field.name} is {value!r}, it must be {kind}')
+        meant = '' if isinstance(default, bool | str) else number_meant(
+            value, constraint_of(field).unit)
+        raise ParameterError(f'{field.name} is {value!r}, it must be {kind}{meant}')
     return value
 
 

@@ -64,6 +64,7 @@ from piezo_ros.model.effects.load import (
     load_constants,
     warm_step,
 )
+from piezo_ros.model.effects.operating_point import check_operating_point
 from piezo_ros.model.hysteresis import (
     HysteresisConstants,
     HysteresisParameters,
@@ -158,13 +159,7 @@ class RigParameters(HysteresisParameters, DynamicsParameters, DriftParameters, L
     def check_together(self) -> None:
         """Refuse ranges without the operating point and mismatches beyond the dynamics."""
         super().check_together()
-        for value, name, low, high in (
-            (self.operating_point_v, 'operating_point_v',
-             self.voltage_minimum_v, self.voltage_maximum_v),
-            (self.operating_point_um, 'operating_point_um', 0.0, self.travel_um),
-        ):
-            if not low <= value <= high:
-                raise ParameterError(f'{name} is {value}, allowed is {low} … {high}')
+        check_operating_point(self)
         if self.operating_point_um > self.highest_reading_um:
             raise ParameterError(
                 f'operating_point_um is {self.operating_point_um:g} um, allowed is 0 … '

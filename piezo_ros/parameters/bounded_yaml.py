@@ -34,6 +34,9 @@ _MAXIMUM_DEPTH: Final = 64
 _MAXIMUM_ALIASED: Final = 1_000_000  # characters and values that aliases repeat, in total
 # An int of several hundred digits, or one of base 60, takes a time that grows with its square.
 _ENDLESS_NUMBER: Final = re.compile(r'[-+0-9_.:]{400,}')
+_TAG: Final = 'tag:yaml.org,2002:'
+# Octal and base 60 for YAML 1.1 alone: 010 is 8 there, and 1:30 is 90.
+_OTHER_THAN_TYPED: Final = re.compile(r'[-+]?0[0-7_]+|[-+]?[0-9][0-9_]*(:[0-5]?[0-9])+(\.[0-9_]*)?')
 
 
 class YamlError(ValueError):
@@ -42,11 +45,13 @@ class YamlError(ValueError):
 
 # The compiled one is ten times quicker, where it is installed.
 class _Loader(getattr(yaml, 'CSafeLoader', yaml.SafeLoader)):  # type: ignore[misc]
-    """Reads numbers as the parameter files of ROS do: 1e-5 is one, with or without a point."""
+    """Reads numbers as the parameter files of ROS do: 1e-5, 1.0e9 and .5e3 are some."""
 
 
+# YAML 1.1 wants a point in the mantissa and a sign in the exponent.
 _Loader.add_implicit_resolver(
-    'tag:yaml.org,2002:float', re.compile(r'[-+]?[0-9]+[eE][-+]?[0-9]+$'), list('-+0123456789'))
+    f'{_TAG}float', re.compile(r'[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)[eE][-+]?[0-9]+$'),
+    list('-+.0123456789'))
 
 
 class _LinedLoader(_Loader):
@@ -62,10 +67,10 @@ class _LinedLoader(_Loader):
             if isinstance(key, yaml.ScalarNode))
 
 
-_LinedLoader.add_constructor('tag:yaml.org,2002:map', _LinedLoader.lined_mapping)
+_LinedLoader.add_constructor(f'{_TAG}map', _LinedLoader.lined_mapping)
 
 
-def yaml_content(text: str | bytes, *, unique_keys: bool = False) -> Any:
+def yaml_content(text: str | bytes, *, as_typed: bool = False) -> Any:
     """
     Return the content of a YAML text.
 
@@ -73,9 +78,11 @@ def yaml_content(text: str | bytes, *, unique_keys: bool = False) -> Any:
     ----------
     text : str or bytes
         One document, bytes in UTF-8.
-    unique_keys : bool, optional
-        Refuse a mapping that has a key twice, of which the last would win without a word; and
-        return mappings that know the lines of their keys (`LinedMapping`).
+    as_typed : bool, optional
+        For what people write: refuse a mapping that has a key twice, of which the last would win
+        without a word; take every key, and a number in octal or base 60 such as 010 or 1:30, as
+        the text that it is; and return mappings that know the lines of their keys
+        (`LinedMapping`).
 
     Returns
     -------
@@ -92,14 +99,15 @@ def yaml_content(text: str | bytes, *, unique_keys: bool = False) -> Any:
     if len(text) > MAXIMUM_BYTES:
         raise YamlError(f'{len(text)} bytes of YAML, at most {MAXIMUM_BYTES} are read')
     try:
+        text = _decoded(text)
         _check_events(text)
-        loader = (_LinedLoader if unique_keys else _Loader)(text)  # of the safe kind
+        loader = (_LinedLoader if as_typed else _Loader)(text)  # of the safe kind
         try:
             node = loader.get_single_node()
             if node is None:
                 return None
-            if unique_keys:
-                _check_keys(node)
+            if as_typed:
+                _keep_as_typed(node)
             return loader.construct_document(node)
         finally:
             loader.dispose()
@@ -108,8 +116,23 @@ def yaml_content(text: str | bytes, *, unique_keys: bool = False) -> Any:
     except yaml.MarkedYAMLError as error:
         raise YamlError(_place_text(error)) from None
     except (yaml.YAMLError, ValueError, RecursionError, OverflowError) as error:
-        # ValueError: no UTF-8, a date that does not exist, a number beyond all bounds.
-        raise YamlError(str(error)) from None
+        # ValueError: a date that does not exist, a number beyond all bounds.
+        raise YamlError(' '.join(str(error).split())) from None
+
+
+def _decoded(text: str | bytes) -> str:
+    """Return the text of bytes; a mark of the byte order ahead of UTF-8 is left out."""
+    if isinstance(text, str):
+        return text
+    if b'\0' in text:
+        raise YamlError('it is in UTF-16 or is no text at all, save it as UTF-8')
+    try:
+        return text.decode('utf-8-sig')
+    except UnicodeDecodeError as error:
+        line = text.count(b'\n', 0, error.start) + 1
+        raise YamlError(
+            f'line {line}: the byte 0x{text[error.start]:02x} is no UTF-8, save it as UTF-8'
+        ) from None
 
 
 def _place_text(error: yaml.MarkedYAMLError) -> str:
@@ -119,8 +142,8 @@ def _place_text(error: yaml.MarkedYAMLError) -> str:
     return f'line {mark.line + 1}, column {mark.column + 1}: {words}' if mark else words
 
 
-def _check_keys(root: yaml.Node) -> None:
-    """Refuse a key that comes twice in one mapping; both lines are named."""
+def _keep_as_typed(root: yaml.Node) -> None:
+    """Refuse a key that comes twice in one mapping; let keys, and some numbers, be text."""
     unchecked, checked = [root], set()
     while unchecked:
         node = unchecked.pop()
@@ -130,19 +153,28 @@ def _check_keys(root: yaml.Node) -> None:
         if isinstance(node, yaml.SequenceNode):
             unchecked += node.value
         elif isinstance(node, yaml.MappingNode):
-            lines: dict[tuple[str, str], int] = {}
-            for key, value in node.value:
-                unchecked += [key, value]
-                if not isinstance(key, yaml.ScalarNode):
-                    continue
-                line = key.start_mark.line + 1
-                first = lines.get((key.tag, key.value))
-                if first is not None:
-                    raise YamlError(f'the key {key.value!r} is in line {first} and in line {line}')
-                lines[key.tag, key.value] = line
+            _check_keys(node)
+            unchecked += [each for pair in node.value for each in pair]
+        elif node.tag in (f'{_TAG}int', f'{_TAG}float') and _OTHER_THAN_TYPED.fullmatch(node.value):
+            node.tag = f'{_TAG}str'
 
 
-def _check_events(text: str | bytes) -> None:
+def _check_keys(mapping: yaml.MappingNode) -> None:
+    """Let the keys be text; of one that comes twice, both lines are named."""
+    lines: dict[str, int] = {}
+    for key, _ in mapping.value:
+        if not isinstance(key, yaml.ScalarNode):
+            continue
+        line = key.start_mark.line + 1
+        if key.value in lines:
+            raise YamlError(
+                f'the key {key.value!r} is in line {lines[key.value]} and in line {line}')
+        lines[key.value] = line
+        if key.tag != f'{_TAG}merge':
+            key.tag = f'{_TAG}str'
+
+
+def _check_events(text: str) -> None:
     """Refuse a text of which the content would exceed the bounds."""
     sizes: dict[str, int] = {}  # of what has an anchor, with all that is in it
     open_nodes: list[tuple[str | None, int]] = [(None, 0)]

@@ -24,7 +24,8 @@ from piezo_ros.parameters.errors import PlanError
 
 __all__ = ['LinedMapping', 'naming_line', 'with_line']
 
-_WORD: Final = re.compile(r'[A-Za-z_][A-Za-z0-9_]*')
+# A word, or what stands in quotes: a key may be misspelt into something that is no word.
+_WORD: Final = re.compile(r"'[^'\s]*'|[A-Za-z_][A-Za-z0-9_]*")
 
 
 class LinedMapping(dict[Any, Any]):
@@ -50,7 +51,7 @@ class LinedMapping(dict[Any, Any]):
     def line_named_in(self, text: str) -> int:
         """Return the line of the first of its keys, or of mappings in it, that a text names."""
         inside, line = self, self.line
-        for word in _WORD.findall(text):
+        for word in (found.strip("'") for found in _WORD.findall(text)):
             if word in inside.lines:
                 line = inside.lines[word]
                 value = inside.get(word)

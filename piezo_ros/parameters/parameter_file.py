@@ -26,11 +26,13 @@ from piezo_ros.parameters.errors import PlanError
 from piezo_ros.parameters.file_lines import LinedMapping, with_line
 from piezo_ros.parameters.node_parameters import (
     NODE_PARAMETERS,
+    ONLOOKER_PARAMETERS,
     check_node_parameters,
     is_of_rclpy,
     parameter_names,
 )
-from piezo_ros.parameters.roles import role_of
+from piezo_ros.parameters.roles import misspelt_section, role_of
+from piezo_ros.suggestions import NEARLY_SAME, did_you_mean
 
 __all__ = [
     'parameter_sections',
@@ -42,6 +44,8 @@ __all__ = [
 ]
 
 _SECTION: Final = 'ros__parameters'
+_EVERY_NODE: Final = ('*', '**')
+_ROLES: Final = (*NODE_PARAMETERS, *ONLOOKER_PARAMETERS)
 _Set = TypeVar('_Set', bound=ParameterSet)
 
 
@@ -57,7 +61,7 @@ def read_yaml(path: Path) -> Any:
     """
     try:
         with path.open('rb') as file:
-            return yaml_content(file.read(MAXIMUM_BYTES + 1), unique_keys=True)
+            return yaml_content(file.read(MAXIMUM_BYTES + 1), as_typed=True)
     except OSError as error:
         raise PlanError(f'{path}: {error.strerror}') from None
     except YamlError as error:
@@ -116,7 +120,7 @@ def read_parameter_file(path: Path, nodes: Iterable[str]) -> dict[str, LinedMapp
     Raises
     ------
     PlanError
-        If the file is of another form.
+        If the file is of another form, or a section or its parameters are misspelt ones of ours.
 
     """
     return {
@@ -155,25 +159,53 @@ def _sections_of(path: Path, nodes: Iterable[str]) -> dict[str, LinedMapping]:
     content = read_yaml(path)
     if not isinstance(content, Mapping):
         raise PlanError(f'{path} is no ROS parameter file: the top level must be a mapping')
+    _check_nesting(path, content)
     parameters: dict[str, LinedMapping] = {}
-    for key, section in content.items():
-        found = [*parameter_sections({f'/{key}': section})]
-        if not found:
-            raise PlanError(
-                f'{with_line(path, content, str(key))}: {key!r} has no mapping {_SECTION}')
-        for name, values in found:
-            last = name.rpartition('/')[2]
-            if last not in (*NODE_PARAMETERS, '*', '**'):
-                last = role_of(values) or last
-            for node in nodes:
-                taken = values if last == node else {
-                    name: value for name, value in values.items()
-                    if name in parameter_names(node) or is_of_rclpy(name)}
-                if last in (node, '*', '**'):
-                    section = parameters.setdefault(node, LinedMapping())
-                    section.update(taken)
-                    section.lines.update(getattr(values, 'lines', {}))
+    for name, values in parameter_sections(content):
+        last = name.rpartition('/')[2]
+        if last not in (*_ROLES, *_EVERY_NODE):
+            last = role_of(values) or last
+        _check_section(path, name, last, values)
+        for node in nodes:
+            taken = values if last == node else {
+                name: value for name, value in values.items()
+                if name in parameter_names(node) or is_of_rclpy(name)}
+            if last in (node, *_EVERY_NODE):
+                section = parameters.setdefault(node, LinedMapping())
+                section.update(taken)
+                section.lines.update(getattr(values, 'lines', {}))
     return parameters
+
+
+def _check_nesting(path: Path, content: Mapping[str, Any], namespace: str = '') -> None:
+    """Refuse what stands in no mapping of parameters: it would be left out."""
+    for key, value in content.items():
+        where = with_line(path, content, key)
+        if key == _SECTION:
+            if not namespace:
+                raise PlanError(f'{where}: {_SECTION} is in no node, it must be below a name')
+        elif isinstance(value, Mapping) and any(parameter_sections({key: value})):
+            _check_nesting(path, value, f'{namespace}/{key.strip("/")}')
+        elif _SECTION in content:
+            raise PlanError(f'{where}: {key!r} stands beside {_SECTION}, it must be in it')
+        else:
+            raise PlanError(f'{where}: {key!r} has no mapping {_SECTION}')
+
+
+def _check_section(path: Path, name: str, node: str, values: Mapping[str, Any]) -> None:
+    """Refuse a section, or a parameter for every node, that is a misspelt one of ours."""
+    if node in _EVERY_NODE:
+        known = {own for role in _ROLES for own in parameter_names(role)}
+        for own in values:
+            meant = did_you_mean(own, known, nearness=NEARLY_SAME)
+            if own not in known and meant:
+                raise PlanError(
+                    f'{with_line(path, values, own)}: no node of this package has the parameter '
+                    f'{own!r}{meant} One of another node belongs in the section of that')
+    elif node not in _ROLES and (why := misspelt_section(node, values)):
+        raise PlanError(
+            f'{with_line(path, values, "")}: the section {name!r} is of no node of this package, '
+            f'{why}')
 
 
 def read_parameter_set(

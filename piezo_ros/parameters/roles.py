@@ -17,11 +17,27 @@
 from collections.abc import Mapping
 from typing import Any, Final
 
-from piezo_ros.parameters.node_parameters import NODE_PARAMETERS, parameter_names
+from piezo_ros.parameters.node_parameters import (
+    HARDWARE_PLANT,
+    NODE_PARAMETERS,
+    ONLOOKER_PARAMETERS,
+    parameter_names,
+)
+from piezo_ros.suggestions import NEARLY_SAME, did_you_mean
 
-__all__ = ['nodes_with_role', 'parameters_by_role', 'role_of', 'roles_of']
+__all__ = [
+    'FACTS_SECTIONS', 'misspelt_section', 'nodes_with_role', 'parameters_by_role', 'role_of',
+    'roles_of',
+]
 
+# What identification and planning tell of their models, beside the sections of nodes.
+FACTS_SECTIONS: Final = (
+    'identified_dynamics', 'identified_hysteresis', 'identified_creep', 'planned_scan')
 _NAMES: Final = frozenset(name for role in NODE_PARAMETERS for name in parameter_names(role))
+_NODES: Final = (*NODE_PARAMETERS, *ONLOOKER_PARAMETERS)
+_MISSPELT: Final = 0.8  # plnat; a controller_manager is 0.71 near
+# Words of names that parameters of nodes of other packages hardly have.
+_OWN_WORDS: Final = frozenset(('um', 'v', 'rad', 'rad2', 'rad3'))
 
 
 def role_of(parameters: Mapping[str, Any]) -> str | None:
@@ -112,3 +128,40 @@ def nodes_with_role(role: str, parameters: Mapping[str, Mapping[str, Any]]) -> l
     """
     nodes = [node for node, own in roles_of(parameters).items() if own == role]
     return [node for node in nodes if role_of(parameters[node])] or nodes
+
+
+def misspelt_section(node: str, parameters: Mapping[str, Any]) -> str:
+    """
+    Return why a section of a parameter file is not for a node of another package.
+
+    The file of a whole system has sections of other nodes, which are left out. What would be lost
+    with a section of ours is told by its name together with its parameters: a controller_manager
+    has none of those of the controller.
+
+    Parameters
+    ----------
+    node : str
+        Name of the node, without namespace, that is neither a role nor a pattern.
+    parameters : mapping of str to value
+        The section.
+
+    Returns
+    -------
+    str
+        What it is, for the end of an error; '' for a node of another package.
+
+    """
+    if node in FACTS_SECTIONS:
+        return ''
+    if facts := did_you_mean(node, FACTS_SECTIONS, nearness=NEARLY_SAME):
+        return f'which is no section that piezo writes{facts}'
+    for role in (*_NODES, HARDWARE_PLANT):
+        has = parameters.keys() & set(parameter_names(role))
+        own = sorted(name for name in has if _OWN_WORDS & set(name.split('_')))
+        name = 'plant' if role == HARDWARE_PLANT else role
+        is_near = node == role or did_you_mean(node, [role], nearness=_MISSPELT)
+        if own or (has and is_near):
+            meant = f'; did you mean {name!r}?' if is_near else (
+                f'; the section of the {name} must have its name, or every parameter of it')
+            return f'and has {(own or sorted(has))[0]}, a parameter of {name}{meant}'
+    return ''

@@ -82,7 +82,8 @@ def test_two_points_give_the_scale_and_offset_of_the_sensor(stage, capsys):
 
 
 @pytest.mark.parametrize(('words', 'code', 'said'), [
-    (['--at-v', '5', '5', '--um', '4', '8'], 1, 'differ by less than 20 times the noise'),
+    (['--at-v', '5', '5', '--um', '4', '8'], 2, '--at-v is 5.0 V twice, two different points are'),
+    (['--at-v', '5', '5.00001', '--um', '4', '8'], 1, 'differ by less than 20 times the noise'),
     (['--at-v', '3', '12', '--um', '4', '8'], 2, '--at-v is 12.0 V, allowed is -2 … 10 V'),
     (['--at-v', '3', '7', '--um', '4', '4'], 2, 'two different points are needed'),
     (['--at-v', '3', '7'], 2, 'give --um LOW HIGH'),
@@ -92,6 +93,20 @@ def test_two_points_give_the_scale_and_offset_of_the_sensor(stage, capsys):
 def test_a_calibration_that_tells_nothing_is_refused(stage, capsys, words, code, said):
     assert main(['device', 'calibrate', stage(), '--sample-period-s', '1e-3', *words]) == code
     assert said in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(('words', 'said'), [
+    (['--at-v', '0.5', '12', '--um', '4', '8'], '--at-v is 12.0 V, allowed is -2 … 10 V'),
+    (['--at-v', '0.5', '9.5', '--um', '4', '4'], '--um is 4 um twice'),
+    (['--at-v', '0.5', '9.5', '--um', '4', 'nan'], '--um is nan, it must be finite'),
+    (['--at-v', '0.5', '9.5'], 'give --um LOW HIGH'),
+])
+def test_a_calibration_is_refused_before_it_drives(paced, capsys, words, said):
+    given, log = paced
+    given = [*given[:3], *words, *given[6:]]
+    assert main(given) == 2
+    assert said in capsys.readouterr().err
+    assert not log.exists()
 
 
 @pytest.mark.parametrize(('device', 'more', 'said'), [

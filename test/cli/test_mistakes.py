@@ -80,11 +80,11 @@ PLANS = [
         (plan('harmonics: 9.5'), ['plan.yaml:5: ', 'harmonics is 9.5, it must be an integer']),
         (plan('harmonics: yes'), ['plan.yaml:5: ', 'harmonics is True, it must be an integer']),
         (plan('frequency_hz: []'), ['frequency_hz is an empty list, it must have at least one']),
-        (plan('periods: 2'), ['score_periods is 4, allowed is 0 … 2']),
+        (plan('periods: 2'), ['score_periods is 4, it must be above 0, and at most 2']),
         (plan('waveform: file'), ['plan.yaml:5: ', "file is '' and waveform 'file'"]),
         (plan('waveform: file\n    file: none.csv'), ['plan.yaml:', 'none.csv: No such file']),
         (plan('turn_fraction: 2.0'), ['plan.yaml:5: ', 'turn_fraction is 2.0, allowed is 0 … 1']),
-        (plan('output: voltage\n    amplitude_v: 9.0'), [
+        (plan('amplitude_v: 9.0').replace('scheme: fb', 'output: voltage'), [
             'plan.yaml:', 'amplitude_v is 9.0 V', 'the rails are 5 V from the operating point']),
         (plan('changes: [{at_sample: 99999, scheme: ff}]'), [
             'plan.yaml:5: ', 'at_sample is 99999, the run has 5000 samples']),
@@ -137,6 +137,13 @@ RIGS = [
         "did you mean 'lumped'?"]),
 ]
 
+RIGS += [
+    ('noise_rms_um: 0.001', 'voltage_minimum_v: 10.0\n    voltage_maximum_v: -2.0', [
+        'rig.yaml:4: plant: voltage_minimum_v is 10 V and voltage_maximum_v -2 V, the minimum ']),
+    ('noise_rms_um: 0.001', 'noise_rms_um: 0,001', [
+        "rig.yaml:4: plant: noise_rms_um is '0,001', it must be a number; did you mean 0.001?"]),
+]
+
 # The words of a command line, the exit code, what is said.
 COMMANDS = [
     ('simulat plan.yaml -o out', 2, ["invalid choice: 'simulat'", "did you mean 'simulate'?"]),
@@ -149,6 +156,8 @@ COMMANDS = [
     ('simulate plan.yaml -o there --force', 2, ['there exists and is no earlier output']),
     ('simulate plan.yaml -o .', 2, ['lies in the output directory .']),
     ('sweep plan.yaml -o out', 2, ['plan.yaml has no key sweep']),
+    ('check demmo', 2, ['demmo is neither plant,', "did you mean 'demo'?"]),
+    ('report bag ./there/../bag -o out', 2, ['/bag is given twice (as bag as well), give it once']),
     ('bag inf bag', 2, ["invalid choice: 'inf'", "did you mean 'info'?"]),
     ('bag info no_bag', 1, ['there is no bag no_bag']),
     ('bag info bag --run first', 2, ["argument --run: invalid int value: 'first'"]),
@@ -195,6 +204,9 @@ SLOW_COMMANDS = [
     ('tune trajectory.yaml -o out.yaml --waveform triangel', 2, ["did you mean 'triangle'?"]),
     ('tune trajectory.yaml -o out.yaml --amplitude-um 1', 2, ["did you mean '--amplitudes-um'?"]),
     ('tune trajectory.yaml -o out.yaml --bound rig.yaml', 2, ['rig.yaml is no uncertainty_bound']),
+    ('tune trajectory.yaml -o out.yaml --offset-um 7', 2, [
+        '--offset-um: offset_um is 7 um, it must be between -6 and 6 um']),
+    ('identify hysteresis bag bag -o m.yaml', 2, ['bag is given twice, give it once']),
     ('replay bag --controller rig.yaml', 2, ['rig.yaml has no section for controller']),
     ('replay bag --controller no.yaml', 2, ['no.yaml: No such file or directory']),
     ('replay no_bag', 1, ['there is no bag no_bag']),

@@ -64,6 +64,45 @@ def test_a_planned_scan_runs_as_predicted(models, rig_file, capsys):
     assert fbff < planned.predicted_nrmse_percent + 0.02
 
 
+def with_facts(path, section, **facts):
+    content = yaml.safe_load(path.read_text())
+    content[f'/**/{section}'] = {'ros__parameters': facts}
+    path.unlink()
+    path.write_text(yaml.safe_dump(content))
+
+
+@pytest.mark.parametrize(('name', 'section'), [
+    ('trajectory', 'identified_dynamics'), ('compensator', 'identified_hysteresis')])
+def test_a_scan_is_planned_with_a_model_not_to_be_trusted_only_when_told_to(
+        models, capsys, name, section):
+    with_facts(models / f'{name}.yaml', section, verdict='do not trust, because of 3 points')
+    assert plan() == 4
+    assert f'{name}.yaml: do not trust, because of 3 points; --acc' in capsys.readouterr().err
+    assert not (models / 'scan.yaml').exists()
+    assert plan('--accept-poor') == 0
+
+
+@pytest.mark.parametrize(('lost', 'name'), [
+    ('damping_ratio_1', 'trajectory'), ('saturation_v', 'compensator')])
+def test_a_scan_is_not_planned_with_a_part_of_a_model(models, capsys, lost, name):
+    path = models / f'{name}.yaml'
+    content = yaml.safe_load(path.read_text())
+    del content[f'/**/{name}']['ros__parameters'][lost]
+    path.unlink()
+    path.write_text(yaml.safe_dump(content))
+    assert plan() == 2
+    assert f'the model of the {name} lacks {lost}' in capsys.readouterr().err
+
+
+def test_the_sample_period_is_that_of_the_model_or_a_warning(models, capsys):
+    with_facts(models / 'trajectory.yaml', 'identified_dynamics', sample_period_s=2e-5)
+    assert plan() == 0
+    assert read_planned_scan(models / 'scan.yaml')[0].sample_period_s == 2e-5
+    assert 'warning' not in capsys.readouterr().err
+    assert plan('--force', '--sample-period-s', '1e-5') == 0
+    assert 'trajectory.yaml was identified at 2e-05 s' in capsys.readouterr().err
+
+
 @pytest.mark.parametrize('shape', [
     ('--offset-um', '2'),
     ('--waveform', 'sawtooth', '--flyback-fraction', '0.3', '--free-turn', '0.1'),

@@ -101,6 +101,20 @@ def test_another_scheme_gives_what_a_run_under_it_gives(bag, plan, tmp_path, rep
     assert table(out)['replayed'] != table(out)['recorded']
 
 
+@pytest.mark.parametrize(('node', 'name', 'words'), [
+    ('controller', 'proportional_gian', "did you mean 'proportional_gain'?"),
+    ('compensator', 'kapa_um_per_v', "did you mean 'kappa_um_per_v'?"),
+    ('plant', 'noise_rms', "did you mean 'noise_rms_um'?"),
+    ('trajectory', 'time_constnt_s', "did you mean 'time_constant_s'?"),
+])
+def test_a_misspelt_parameter_is_refused_and_not_left_out(bag, tmp_path, replay, node, name, words):
+    path = parameter_file(tmp_path / 'other.yaml', node, **{name: 0.5})
+    code, _, err = replay(bag, f'--{node}', path)
+    assert code == 2
+    assert f'{path}:3: {node}: unknown parameter {name!r} of {node}' in err
+    assert words in err
+
+
 def test_tuned_gains_replace_what_they_name_and_nothing_else(bag, tmp_path, replay):
     own = read(bag).parameters['/controller']
     same = parameter_file(

@@ -286,6 +286,31 @@ def test_a_model_that_is_not_to_be_trusted_is_tuned_only_when_told_to(
     assert tune(model, '--accept-poor')[0] == 0
 
 
+@pytest.mark.parametrize('lost', ['time_constant_s', 'damping_ratio_2'])
+def test_a_model_that_is_not_whole_is_refused(model, tune, output, lost):
+    values = yaml.safe_load(model.read_text())
+    del values['/**/trajectory']['ros__parameters'][lost]
+    model.write_text(yaml.safe_dump(values))
+    code, _, err = tune(model)
+    assert code == 2
+    assert f'{model}:3: the model of the trajectory lacks {lost}; it must be whole' in err
+    assert not output.exists()
+
+
+@pytest.mark.parametrize('value', [float('nan'), float('inf'), '1', True])
+def test_a_bound_that_bounds_nothing_is_refused(model, tune, tmp_path, output, value):
+    bound = tmp_path / 'bound.yaml'
+    bound.write_text(yaml.safe_dump({
+        'format_version': 1, 'kind': 'uncertainty_bound', 'numerator': [value, 1.0],
+        'denominator': [1.0, 2.0]}))
+    code, _, err = tune(model, '--bound', bound)
+    assert code == 2
+    assert f'{bound}:' in err
+    assert 'numerator is [' in err
+    assert 'it must be finite numbers' in err
+    assert not output.exists()
+
+
 def test_d5_the_limit_holds_on_the_measured_points_too(model, tune, monkeypatch):
     """The stage has a resonance at 2 kHz that the model lacks."""
     from piezo_ros.identification.response import response_csv

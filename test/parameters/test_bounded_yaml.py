@@ -69,14 +69,41 @@ def test_yaml_within_the_bounds_is_read(text, content):
     ('a: {b: 1,\n "b": 2}', "the key 'b' is in line 1 and in line 2"),
     ('- {x: 1, x: 1}', "the key 'x' is in line 1 and in line 1"),
     ('a: &a {b: 1}\nc: [*a, {d: 1, d: 2}]', "the key 'd' is in line 2 and in line 2"),
+    ('1: a\n"1": b', "the key '1' is in line 1 and in line 2"),
 ])
 def test_a13_a_key_that_comes_twice_is_refused_with_both_lines(text, words):
     with pytest.raises(YamlError, match=words):
-        yaml_content(text, unique_keys=True)
+        yaml_content(text, as_typed=True)
     assert yaml_content(text)  # bags of other writers may have them
 
 
 @pytest.mark.parametrize('text', [
-    'a: &a {x: 1}\nb: {<<: *a, x: 2}', '1: a\n"1": b', 'a: {x: 1}\nb: {x: 1}', ''])
+    'a: &a {x: 1}\nb: {<<: *a, x: 2}', 'a: {x: 1}\nb: {x: 1}', ''])
 def test_keys_that_differ_or_override_merged_ones_are_read(text):
-    assert yaml_content(text, unique_keys=True) == yaml_content(text)
+    assert yaml_content(text, as_typed=True) == yaml_content(text)
+
+
+def test_keys_and_numbers_of_other_bases_are_text_where_people_write_them():
+    text = '2: 010\non: 1:30\n~: -0_7\nx: [1:30.5, 0x1F, 0, 0.5, 10]'
+    assert yaml_content(text, as_typed=True) == {
+        '2': '010', 'on': '1:30', '~': '-0_7', 'x': ['1:30.5', 31, 0, 0.5, 10]}
+    assert yaml_content(text) == {2: 8, True: 90, None: -7, 'x': [90.5, 31, 0, 0.5, 10]}
+
+
+@pytest.mark.parametrize('text', ['1e9', '1.0e9', '1E+9', '1.e9', '+1.0E9', '.1e10'])
+def test_a_number_needs_neither_a_point_nor_a_sign_of_the_exponent(text):
+    assert yaml_content(f'- {text}') == [1e9]
+
+
+@pytest.mark.parametrize(('text', 'words'), [
+    ('a: 1'.encode('utf-16'), 'it is in UTF-16 or is no text at all, save it as UTF-8'),
+    ('a: 1'.encode('utf-16-le'), 'it is in UTF-16 or is no text at all'),
+    (b'a: 1\nb: \xb5m', 'line 2: the byte 0xb5 is no UTF-8, save it as UTF-8'),
+])
+def test_a_text_of_another_encoding_is_refused_with_what_to_do(text, words):
+    with pytest.raises(YamlError, match=words):
+        yaml_content(text, as_typed=True)
+
+
+def test_utf_8_may_have_a_mark_of_the_byte_order():
+    assert yaml_content('a: µ'.encode('utf-8-sig'), as_typed=True) == {'a': 'µ'}

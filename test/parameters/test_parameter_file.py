@@ -83,6 +83,58 @@ def test_a_section_without_parameters_is_refused_by_name(read, section):
         read(f'/plant: {section}')
 
 
+SECTION = '{}: {{ros__parameters: {}}}\n'
+
+
+@pytest.mark.parametrize(('name', 'values', 'words'), [
+    ('/**/plnat', '{slew_limit_v_per_s: 1.0}', "'/**/plnat'.*slew_limit_v_per_s.*mean 'plant'"),
+    ('plnat', '{compiled: true}', "'/plnat'.*did you mean 'plant'"),
+    ('Plant', '{seed: 1}', "did you mean 'plant'"),
+    ('/lab/contoller', '{scheme: fb}', "did you mean 'controller'"),
+    ('compensater', '{creep_per_decade: 0.1}', "did you mean 'compensator'"),
+    ('trajctory', '{periods: 1}', "did you mean 'trajectory'"),
+    ('/**/hardware_plant', '{device: ni}', "did you mean 'plant'"),
+    ('/lab/stage', '{noise_rms_um: 1.0}', 'section of the plant must have its name, or every para'),
+    ('/**/identified_dynamcis', '{verdict: good}', "did you mean 'identified_dynamics'"),
+    ('/**', '{slew_limit_v_per_ms: 1.0}', "'slew_limit_v_per_ms'; did you mean 'slew_limit_v_per"),
+])
+def test_a_misspelt_section_is_refused_with_what_would_be_lost(read, name, values, words):
+    with pytest.raises(PlanError, match=f'parameters.yaml:2: .*{words}'.replace('**', r'\*\*')):
+        read('plant: {ros__parameters: {seed: 3}}\n' + SECTION.format(name, values))
+
+
+@pytest.mark.parametrize(('name', 'values'), [
+    ('/**/controller_manager', '{update_rate: 100, autostart: true}'),
+    ('controller_server', '{controller_frequency: 20.0, use_sim_time: true}'),
+    ('pid', '{proportional_gain: 1.0, integral_gain: 2.0}'),
+    ('camera', '{device: /dev/video0, frame_id: camera, baud_rate: 9600, 0: first}'),
+    ('recorders', '{use_sim_time: true}'), ('/**', '{robot_base_frame: base}'),
+    ('/**/identified_hysteresis', '{noise_rms_um: 0.1, sample_period_s: 0.1}'),
+])
+def test_a_section_of_another_package_is_left_out(read, name, values):
+    assert read('controller: {ros__parameters: {scheme: fb}}\n' + SECTION.format(name, values))[
+        'controller'] == {'scheme': 'fb'}
+
+
+@pytest.mark.parametrize(('text', 'words'), [
+    ('/**/plant:\n  ros__parameters: {seed: 1}\n  noise_rms_um: 2.0',
+     ":3: 'noise_rms_um' stands beside ros__parameters, it must be in it"),
+    ('/lab:\n  plant: {ros__parameters: {seed: 1}}\n  seed: 1', ":3: 'seed' has no mapping ros__"),
+    ('/lab:\n  plant: {ros__parameters: {seed: 1}}\n  controller: {scheme: fb}',
+     ":3: 'controller' has no mapping ros__parameters"),
+    ('ros__parameters: {seed: 1}', ':1: ros__parameters is in no node, it must be below a name'),
+    ('/**/plant:\n  ros__parameters:', ":1: '/\\*\\*/plant' has no mapping ros__parameters"),
+])
+def test_what_stands_on_the_wrong_level_is_refused(read, text, words):
+    with pytest.raises(PlanError, match=f'parameters.yaml{words}'):
+        read(text)
+
+
+def test_a_key_that_is_no_text_is_taken_as_it_is_typed(read):
+    assert read(SECTION.format('plant', '{1: 2, on: 3, ~: 4}')) == {
+        'plant': {'1': 2, 'on': 3, '~': 4}}
+
+
 @pytest.mark.parametrize(('text', 'value'), [
     ('1e-5', 1e-5), ('1.0e-5', 1e-5), ('-2E+3', -2000.0), ('1e5', 1e5), ('5', 5),
     ('1.5', 1.5), ('"1e-5"', '1e-5'), ('e5', 'e5'), ('1e5x', '1e5x'), ('true', True)])
@@ -125,6 +177,18 @@ def test_nothing_is_named_where_nothing_is_left_out(tmp_path):
     path = tmp_path / 'plain.yaml'
     path.write_text('/**/plant: {ros__parameters: {seed: 7}}')
     assert parameters_of_rclpy(path, ['plant']) == {}
+
+
+@pytest.mark.parametrize(('value', 'words'), [
+    ('0,5', 'it must be a number; did you mean 0.5?'), ('010', 'did you mean 10?'),
+    ('300 nm', 'it must be a number; write the number alone, its unit is um'),
+    ('fast', "noise_rms_um is 'fast', it must be a number"), ([1.0], 'it must be a number'),
+    (None, 'noise_rms_um is None, it must be a number'), (True, 'it must be a number'),
+])
+def test_a_number_that_is_none_is_refused_with_what_was_meant(value, words):
+    with pytest.raises(ParameterError) as refusal:
+        check_node_parameters('plant', {'noise_rms_um': value})
+    assert str(refusal.value).endswith(words)
 
 
 def test_an_unknown_parameter_is_refused_with_the_node_that_does_not_have_it():

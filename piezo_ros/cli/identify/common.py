@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple, Protocol, TypeVar
 
 from piezo_ros.bag import BagError, Recording, Run, open_recording
-from piezo_ros.cli.shared.bag_options import add_bag_options, bag_options
+from piezo_ros.cli.shared.bag_options import add_bag_options, bag_options, refuse_twice
 from piezo_ros.cli.shared.exit_codes import (
     EXIT_DONE,
     EXIT_FAILED,
@@ -141,6 +141,7 @@ def identify(
     """
     outputs = [options.output, *(
         options.output.with_suffix(suffix) for suffix in (_PLOT_SUFFIX, *further_suffixes))]
+    refuse_twice(options.bags)
     for path in outputs:
         check_output(path, force=options.force)
     directory = getattr(options, 'report', None)

@@ -29,10 +29,10 @@ from piezo_ros.cli.identify.common import (
 )
 from piezo_ros.cli.identify.hysteresis import ReducedRun, reduced_run
 from piezo_ros.cli.shared.progress import working
+from piezo_ros.experiment.model_file import read_model
 from piezo_ros.identification.creep.creep_fit import CreepFit, fit_creep
 from piezo_ros.model import HysteresisParameters
 from piezo_ros.parameters.errors import PlanError
-from piezo_ros.parameters.parameter_file import read_parameter_set
 
 __all__ = ['add_kind']
 
@@ -83,7 +83,7 @@ def _make(options: argparse.Namespace, runs: list[ReducedRun]) -> Identified:
         raise PlanError(f'--settle-s is {options.settle_s}, allowed is 0 s and more')
     told = None
     if options.compensator:
-        told = read_parameter_set(options.compensator, 'compensator', HysteresisParameters)
+        told = read_model(options.compensator, HysteresisParameters)
     try:
         fit = _fit(options, run, told)
     except ValueError as error:

@@ -28,8 +28,8 @@ from piezo_ros.bag import BagError, Run, open_recording
 from piezo_ros.bag.recorded_node import recorded_node, recorded_parameters
 from piezo_ros.cli.identify.responses import response_of
 from piezo_ros.cli.shared.bag_options import bag_options
+from piezo_ros.experiment.model_file import read_model
 from piezo_ros.model import DynamicsParameters, HysteresisParameters
-from piezo_ros.parameters.parameter_file import read_parameter_set
 
 __all__ = ['PlacedFit', 'add_place_arguments', 'placed_fit']
 
@@ -217,7 +217,7 @@ def _read(path: Path, options: argparse.Namespace) -> Run:
 
 def _hysteresis(options: argparse.Namespace, run: Run) -> HysteresisParameters:
     if options.compensator:
-        return read_parameter_set(options.compensator, 'compensator', HysteresisParameters)
+        return read_model(options.compensator, HysteresisParameters)
     trajectory = recorded_node(run, 'trajectory', anywhere=True) or {}
     # In a run of the bare actuator the compensator is idle, whatever its parameters are.
     is_bare = trajectory.get('output') == 'voltage'

@@ -22,6 +22,7 @@ from pathlib import Path
 from piezo_ros.bag import Run
 from piezo_ros.cli.shared.progress import working
 from piezo_ros.control import TrajectoryParameters
+from piezo_ros.experiment.model_file import read_model
 from piezo_ros.experiment.recorded_response import recorded_response
 from piezo_ros.identification.response.detected_excitation import EXCITATION_KINDS
 from piezo_ros.identification.response.frequency_response import FrequencyResponse, merge
@@ -126,7 +127,7 @@ def _recorded(
             'once for each')
     hysteresis = None
     if options.compensator:
-        hysteresis = read_parameter_set(options.compensator, 'compensator', HysteresisParameters)
+        hysteresis = read_model(options.compensator, HysteresisParameters)
     for run, path in zip(runs, played * (len(runs) // len(played)), strict=True):
         trajectory = None if path is None else read_parameter_set(
             path, 'trajectory', TrajectoryParameters, {'sample_period_s': run.sample_period_s})

@@ -30,9 +30,8 @@ from piezo_ros.cli.identify.common import (
 )
 from piezo_ros.cli.identify.responses import add_response_arguments, responses
 from piezo_ros.cli.shared.progress import working
-from piezo_ros.experiment.model_file import BOUND_KIND, FORMAT_VERSION
+from piezo_ros.experiment.model_file import BOUND_KIND, FORMAT_VERSION, read_model
 from piezo_ros.model import DynamicsParameters, LinearDynamics
-from piezo_ros.parameters.parameter_file import read_parameter_set
 
 __all__ = ['add_kind']
 
@@ -53,7 +52,7 @@ def _make(options: argparse.Namespace, runs: list[Run]) -> Identified:
     import numpy as np
 
     from piezo_ros.identification import uncertainty_bound
-    model = LinearDynamics(read_parameter_set(options.model, 'trajectory', DynamicsParameters))
+    model = LinearDynamics(read_model(options.model, DynamicsParameters))
     period_s = runs[0].sample_period_s
     measured = responses(options, runs)
     with working('bounding the uncertainty'):

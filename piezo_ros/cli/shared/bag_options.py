@@ -15,9 +15,13 @@
 """The options of the commands that read a run from a bag, in one place."""
 
 import argparse
+from collections.abc import Iterable
+from pathlib import Path
 from typing import Any
 
-__all__ = ['add_bag_options', 'bag_options']
+from piezo_ros.parameters.errors import PlanError
+
+__all__ = ['add_bag_options', 'bag_options', 'refuse_twice']
 
 
 def add_bag_options(parser: argparse.ArgumentParser) -> None:
@@ -34,3 +38,27 @@ def add_bag_options(parser: argparse.ArgumentParser) -> None:
 def bag_options(options: argparse.Namespace) -> dict[str, Any]:
     """Return them as `piezo_ros.bag.read` and `piezo_ros.bag.open_recording` take them."""
     return {name: getattr(options, name) for name in ('namespace', 'run', 'allow_loss')}
+
+
+def refuse_twice(paths: Iterable[Path]) -> None:
+    """
+    Refuse a bag that is given twice: its samples would count as those of two measurements.
+
+    Parameters
+    ----------
+    paths : iterable of Path
+        The bags, or directories with bags.
+
+    Raises
+    ------
+    PlanError
+        If two of them are the same place.
+
+    """
+    given: dict[Path, Path] = {}
+    for path in paths:
+        place = path.resolve()
+        if place in given:
+            beside = '' if given[place] == path else f' (as {given[place]} as well)'
+            raise PlanError(f'{path} is given twice{beside}, give it once')
+        given[place] = path

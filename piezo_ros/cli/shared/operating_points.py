@@ -18,10 +18,10 @@ import argparse
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, TypeVar
+from typing import TYPE_CHECKING, Final
 
 from piezo_ros.control import ControllerParameters, TrajectoryParameters
-from piezo_ros.experiment.model_file import read_accuracy
+from piezo_ros.experiment.model_file import read_accuracy, read_model
 from piezo_ros.experiment.plan.automatic import AUTO, known_rig, place_is_told
 from piezo_ros.identification.prediction.operating_points import (
     OperatingPoint,
@@ -30,7 +30,7 @@ from piezo_ros.identification.prediction.operating_points import (
 )
 from piezo_ros.identification.prediction.placement import likely_place
 from piezo_ros.identification.prediction.planned_choice import plan_candidate, with_planned
-from piezo_ros.model import HysteresisParameters, ParameterSet, RigParameters
+from piezo_ros.model import HysteresisParameters, RigParameters
 from piezo_ros.parameters.errors import PlanError
 from piezo_ros.parameters.parameter_file import read_parameter_file, read_parameter_set
 
@@ -42,7 +42,6 @@ __all__ = ['NO_BOUND', 'operating_points_text', 'predicted_points']
 
 NO_BOUND: Final = Path('none')
 
-_Set = TypeVar('_Set', bound=ParameterSet)
 _SHARES_OF_REACH: Final = tuple(i / 12.0 for i in range(1, 6))
 _SHARES_OF_ACCEPTABLE: Final = (0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 2.0)
 _SAMPLES_PER_PERIOD: Final = 20.0  # at least, of the scans that are predicted unasked
@@ -58,8 +57,9 @@ def predicted_points(
         raise PlanError(f"--harmonics is {options.harmonics!r}, allowed is a number or 'auto'")
     period_s = options.sample_period_s
     highest_hz = 1.0 / (_SAMPLES_PER_PERIOD * period_s)
-    compensator = _told(options.compensator, 'compensator', HysteresisParameters)
-    plant = _told(options.plant, 'plant', RigParameters)
+    compensator = HysteresisParameters() if options.compensator is None else read_model(
+        options.compensator, HysteresisParameters)
+    plant = _plant(options)
     scan = read_parameter_set(options.model, 'trajectory', TrajectoryParameters, {
         'sample_period_s': period_s, 'frequency_hz': min(_DEFAULT_SCAN_HZ, highest_hz)}).replaced(
             waveform=options.waveform, sample_period_s=period_s, **{
@@ -75,6 +75,11 @@ def predicted_points(
         lead_pole_hz=lead.pole_hz if lead else 0.0,
         measurement_delay_samples=options.measurement_delay_samples,
         command_minimum_um=-plant.reach_um, command_maximum_um=plant.reach_um)
+    if abs(scan.offset_um) >= plant.reach_um:
+        where = str(options.model) if options.offset_um is None else '--offset-um'
+        raise PlanError(
+            f'{where}: offset_um is {scan.offset_um:g} um, it must be between -{plant.reach_um:g} '
+            f'and {plant.reach_um:g} um (the reach of the stage)')
     amplitudes_um = options.amplitudes_um or [
         _rounded(share * plant.reach_um) for share in _SHARES_OF_REACH]
     for amplitude_um in amplitudes_um:
@@ -122,8 +127,10 @@ def _default_frequencies_hz(tuning: 'PiTuning', highest_hz: float) -> list[float
     return [_rounded(share * base_hz) for share in _SHARES_OF_ACCEPTABLE]
 
 
-def _told(path: Path | None, node: str, parameter_set: type[_Set]) -> _Set:
-    return parameter_set() if path is None else read_parameter_set(path, node, parameter_set)
+def _plant(options: argparse.Namespace) -> RigParameters:
+    if options.plant is None:
+        return RigParameters()
+    return read_parameter_set(options.plant, 'plant', RigParameters)
 
 
 def _rounded(value: float) -> float:
@@ -191,7 +198,7 @@ def _interval_lines(
 
 
 def _noise_um(options: argparse.Namespace) -> float:
-    return _told(options.plant, 'plant', RigParameters).noise_rms_um
+    return _plant(options).noise_rms_um
 
 
 def _place_lines(points: Sequence[OperatingPoint]) -> list[str]:

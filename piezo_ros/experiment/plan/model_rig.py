@@ -18,7 +18,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
-from piezo_ros.experiment.model_file import identified_facts
+from piezo_ros.experiment.model_file import identified_facts, missing_of_model
 from piezo_ros.model import DynamicsParameters, HysteresisParameters, ParameterSet
 from piezo_ros.parameters.errors import PlanError
 
@@ -65,6 +65,10 @@ def model_rig(
             raise PlanError(
                 f'{path}: {MODEL_RIG_KEY} have no model of the {node}, they must be what piezo '
                 'identify hysteresis and piezo identify dynamics wrote')
+        if missing := missing_of_model(told, parameters):
+            raise PlanError(
+                f'{path}: the model of the {node} in {MODEL_RIG_KEY} lacks {", ".join(missing)}; '
+                'it must be whole, as piezo identify writes it')
         rig.update(told)
     return rig
 

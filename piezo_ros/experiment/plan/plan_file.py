@@ -24,13 +24,14 @@ from typing import Any, Final
 from piezo_ros.experiment.model_file import read_accuracy, read_bound
 from piezo_ros.experiment.motion_files import with_motion_files
 from piezo_ros.experiment.plan.automatic import KNOWN_NODES, Known
+from piezo_ros.experiment.plan.entry_effects import refuse_two_values, refuse_without_effect
 from piezo_ros.experiment.plan.entry_keys import refuse_unknown
 from piezo_ros.experiment.plan.hardware_entry import ignored_of_rig, is_of_hardware
 from piezo_ros.experiment.plan.model_rig import MODEL_RIG_KEY, model_rig, model_rig_notes
 from piezo_ros.experiment.plan.raster_scan import RasterScan, read_scans
 from piezo_ros.experiment.plan.run_entry import RUN_KEYS, SHORT_KEYS, checked_parameters, plan_run
 from piezo_ros.parameters.errors import PlanError
-from piezo_ros.parameters.file_lines import naming_line
+from piezo_ros.parameters.file_lines import naming_line, with_line
 from piezo_ros.parameters.node_parameters import LOOP_NODES
 from piezo_ros.parameters.parameter_file import (
     parameters_of_rclpy,
@@ -128,7 +129,7 @@ def read_plan(path: Path) -> Plan:
     with naming_line(str(path), path, content):
         refuse_unknown(str(path), content, PLAN_KEYS)
     version = content.get('format_version')
-    if version != FORMAT_VERSION:
+    if version != FORMAT_VERSION or isinstance(version, bool):
         raise PlanError(f'{path}: format_version is {version!r}, only {FORMAT_VERSION} is known')
     base = _read_sections(path, content, 'parameter_files', LOOP_NODES)
     base['plant'] = {**model_rig(path, _read_sections(
@@ -170,8 +171,12 @@ def read_plan(path: Path) -> Plan:
             raise PlanError(f'{where} is {entry!r}, it must be a mapping')
         with naming_line(where, path, entry):
             refuse_unknown(where, entry, RUN_KEYS)
+            refuse_two_values(where, entry)
         _check_count(where, entry, len(runs))
-        for alternative in _combinations(where, entry):
+        alternatives = _combinations(where, entry)
+        with naming_line(where, path, entry):
+            refuse_without_effect(where, base['trajectory'], alternatives)
+        for alternative in alternatives:
             combination = with_motion_files(path.parent, alternative)
             combinations.append(combination)
             with naming_line(where, path, entry):
@@ -184,8 +189,10 @@ def read_plan(path: Path) -> Plan:
         periods = run.trajectory.periods
         if not 0.0 < score_periods <= periods:
             raise PlanError(
-                f'{path}: score_periods is {score_periods}, allowed is 0 … {periods} '
-                f'(periods of {run.name})')
+                f'{with_line(path, content, "score_periods")}: score_periods is {score_periods}, '
+                f'it must be above 0, and at most {periods:g} (periods of {run.name})')
+    if 'sweep' in content and not isinstance(content['sweep'], Mapping):
+        raise PlanError(f'{path}: sweep is {content["sweep"]!r}, it must be a mapping')
     if 'sweep' in content and any(run.hardware for run in runs):
         raise PlanError(f'{path}: a sweep is of the simulated rig, plant must have no device')
     return Plan(
@@ -200,7 +207,9 @@ def _read_sections(
     """Return the parameters that some parameter files of a plan give to each node."""
     sections: dict[str, dict[str, Any]] = {node: {} for node in nodes}
     for name in _list(path, key, content.get(key, [])):
-        file = path.parent / str(name)
+        if not isinstance(name, str):
+            raise PlanError(f'{path}: {key} has {name!r}, it must be the name of a file')
+        file = path.parent / name
         for node, values in read_parameter_file(file, nodes).items():
             checked_parameters(str(file), node, values)
             sections[node].update(with_motion_files(file.parent, values))
@@ -234,13 +243,16 @@ def _read_known(path: Path, content: Mapping[str, Any]) -> Known:
     if content.get('known_rig_files') and not any(sections.values()):
         raise PlanError(
             f'{path}: known_rig_files say nothing of {", ".join(KNOWN_NODES)}')
-    file = content.get('uncertainty_bound_file')
+    file = content.get('uncertainty_bound_file', '')
+    if not isinstance(file, str) or (not file and 'uncertainty_bound_file' in content):
+        raise PlanError(
+            f'{path}: uncertainty_bound_file is {file!r}, it must be the name of a file')
     # Later files count more, and what is known of the rig more than what the runs have.
     files = [
         path.parent / str(name) for key in ('parameter_files', 'known_rig_files')
         for name in _list(path, key, content.get(key, []))]
     return Known(
-        sections, None if file is None else read_bound(path.parent / str(file)),
+        sections, read_bound(path.parent / file) if file else None,
         read_accuracy(files))
 
 
@@ -269,7 +281,7 @@ def _check_count(where: str, entry: Mapping[str, Any], before: int) -> None:
 
 
 def _title(path: Path, value: Any) -> str:
-    if not isinstance(value, str | int | float):
+    if isinstance(value, bool) or not isinstance(value, str | int | float) or value != value:
         raise PlanError(f'{path}: title is a {type(value).__name__}, it must be a text')
     title = str(value)
     if len(title) > _LONGEST_TITLE:

@@ -25,6 +25,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from piezo_ros.experiment.plan.automatic import KNOWN_NODES, known_rig
+from piezo_ros.experiment.plan.entry_effects import refuse_two_values, refuse_without_effect
 from piezo_ros.experiment.plan.entry_keys import refuse_unknown
 from piezo_ros.experiment.plan.run_entry import RUN_KEYS, SHORT_KEYS, plan_run
 from piezo_ros.model import ParameterError, RigParameters
@@ -222,7 +223,7 @@ def read_scans(
     """
     defaults = content.get('scan_defaults', {})
     if 'scans' not in content:
-        if defaults:
+        if 'scan_defaults' in content:
             raise PlanError(f'{path}: scan_defaults belong to scans, which are not there')
         return ()
     entries = content['scans']
@@ -237,7 +238,8 @@ def read_scans(
             both = {
                 axis: _merged(where, axis, defaults.get(axis, {}), entry.get(axis, {}))
                 for axis in AXES}
-            for fast in _combinations(f'{where}: {FAST}', both[FAST]):
+            fasts = _combinations(f'{where}: {FAST}', both[FAST])
+            for fast in fasts:
                 if len(scans) == _MOST_SCANS:
                     raise PlanError(f'{where}: the plan has more than {_MOST_SCANS} scans')
                 values = {**defaults, **entry, FAST: fast, SLOW: both[SLOW]}
@@ -245,6 +247,7 @@ def read_scans(
                     axis: _axis(f'{where}: {axis}', axis, values[axis], base, known, read_sections)
                     for axis in AXES}
                 scans.append(_scan(where, values, axes[FAST], axes[SLOW], len(scans)))
+            refuse_without_effect(f'{where}: {FAST}', base['trajectory'], fasts)
     return tuple(scans)
 
 
@@ -306,7 +309,13 @@ def _merged(where: str, axis: str, defaults: Any, own: Any) -> dict[str, Any]:
     """Return what the plan says of an axis: parameters of a node are added to the common ones."""
     common = f'{where.rpartition(": scan ")[0]}: scan_defaults'
     for at, values in ((common, defaults), (where, own)):
-        _check_keys(f'{at}: {axis}', values, _AXIS_KEYS[axis])
+        at_axis = f'{at}: {axis}'
+        _check_keys(at_axis, values, _AXIS_KEYS[axis])
+        refuse_two_values(at_axis, values)
+        section = values.get('trajectory')
+        for name in section if isinstance(section, Mapping) else ():
+            if name in SHORT_KEYS and name not in (*_AXIS_KEYS[axis], 'output'):
+                raise PlanError(f'{at_axis}: trajectory: {name} has no effect: the scan decides it')
     merged = {**defaults, **own}
     for node in LOOP_NODES:
         if isinstance(defaults.get(node), Mapping) and isinstance(own.get(node), Mapping):

@@ -163,9 +163,10 @@ def read_sweep(plan: Plan) -> SweepPlan:
         _integer(where, content, 'draws', 1, _MOST_DRAWS),
         _integer(where, content, 'seed', 0, 2**53, default=1),
         _distributions(where, content.get('parameters')))
-    for name in sweep.distributions:
-        short = name.partition('.')[2]
-        if any(short in entry for entry in plan.entries):
+    for name, distribution in sweep.distributions.items():
+        node, _, short = name.partition('.')
+        if any(short in entry or (not distribution.relative and short in entry.get(node, {}))
+               for entry in plan.entries):
             raise PlanError(f'{where}: {short} is given by a run and drawn by the sweep')
     for number in range(len(sweep.entries)):
         sweep.run(number)

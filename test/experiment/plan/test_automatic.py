@@ -302,7 +302,7 @@ def test_runs_that_a_program_plans_may_leave_things_open_as_well(config):
     ({'runs': [{'harmonics': 'auto', 'scheme': 'ff', 'waveform': 'decreasing_triangle'}]},
      ["run 1: harmonics auto: waveform is 'decreasing_triangle'"]),
     ({'runs': [{'scheme': 'auto', 'harmonics': 0, 'output': 'voltage', 'amplitude_v': 1.0}]},
-     ['run 1: scheme is auto', 'output voltage']),
+     ['run 1: scheme has no effect', 'output is voltage']),
     ({'runs': [{'scheme': 'auto', 'periods': 3}]},
      ['run 1: scheme auto: score_periods is 4, allowed is above 0 … 3.0']),
     ({'runs': [{'scheme': 'auto', 'harmonics': 'auto', 'amplitude_um': 7.0}]},

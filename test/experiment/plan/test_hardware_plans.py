@@ -42,7 +42,9 @@ def plan(tmp_path):
         (tmp_path / 'known.yaml').write_text(KNOWN)
         top = {
             'format_version': 1, 'score_periods': 1, **top,
-            'runs': [{'scheme': 'ff', 'periods': 3, 'ramp_periods': 1, **run}]}
+            'runs': [{
+                **({} if 'output' in run else {'scheme': 'ff'}), 'periods': 3, 'ramp_periods': 1,
+                **run}]}
         if known:
             top['known_rig_files'] = ['known.yaml']
         path.write_text(json.dumps(top))  # which is YAML

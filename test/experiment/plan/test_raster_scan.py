@@ -89,6 +89,9 @@ def test_each_axis_may_be_a_rig_of_its_own(scans_plan, tmp_path):
     ({**SCAN, 'central': 0}, 'central is 0, allowed is 0.01 … 1'),
     ({**SCAN, 'slow': {'size_um': 100.0}}, 'slow: amplitude_um is 50.0 um'),
     (fast(trajectory={'output': 'voltage'}), 'fast: output is voltage'),
+    (fast(trajectory={'periods': 3}), 'fast: trajectory: periods has no effect: the scan decides'),
+    (fast(trajectory={'amplitude_um': 1.0}), 'fast: trajectory: amplitude_um is 1.0 and amplitude'),
+    (fast(stairs=3), 'fast: stairs has no effect: waveform is triangle, it is for staircase'),
     ({**SCAN, 'slow': {node: {'sample_period_s': 2e-5} for node in (
         'plant', 'controller', 'compensator', 'trajectory')}},
      'sample_period_s is 1e-05 s of the fast axis and 2e-05 s of the slow one'),
