@@ -19,6 +19,8 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+from piezo_ros.cli.shared.option_types import SAMPLE_PERIOD_S, WAIT_S, Number
+
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
@@ -41,6 +43,7 @@ A plant is driven with a sine of --amplitude around its operating point, for som
 Blocks that must be refused are sent in between, NaN among them: a driver that takes them drives
 its hardware with them.
 """
+_AMPLITUDE: Final = Number(0.0, 1e4, 'V or um', is_above=True)
 _LOOK_AROUND_S: Final = 3.5  # discovery may tell of one node seconds before another
 _WORDS: Final = {True: 'ok', False: 'WRONG', None: 'unknown'}
 
@@ -56,27 +59,29 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='parameter file with the plant that has the device to check')
     parser.add_argument(
         '--yes', action='store_true', help='drive a real device without asking')
-    parser.add_argument('--namespace', default='', metavar='NS', help='namespace of the node')
     parser.add_argument(
-        '--amplitude', type=float, default=0.1, metavar='A',
+        '--namespace', default='', metavar='NS', type=str,
+        help='namespace of the node')
+    parser.add_argument(
+        '--amplitude', type=_AMPLITUDE, default=0.1, metavar='A',
         help='what the node is driven with, V or um (default: 0.1)')
     parser.add_argument(
-        '--sample-period-s', type=float, metavar='T',
+        '--sample-period-s', type=SAMPLE_PERIOD_S, metavar='T',
         help='sample period (default: that of the plant, 1e-5 for the others)')
     parser.add_argument(
-        '--discovery-s', type=float, default=15.0, metavar='T',
+        '--discovery-s', type=WAIT_S, default=15.0, metavar='T',
         help='how long the node may take to appear (default: 15)')
     parser.add_argument(
-        '--patience-s', type=float, default=10.0, metavar='T',
+        '--patience-s', type=WAIT_S, default=10.0, metavar='T',
         help='how long an answer may take (default: 10)')
     parser.add_argument(
-        '--watchdog-s', type=float, default=5.0, metavar='T',
+        '--watchdog-s', type=WAIT_S, default=5.0, metavar='T',
         help='how long the plant may go on without voltage (default: 5)')
     parser.add_argument(
         '--ahead', action='store_true',
         help='send the whole run first, to a plant that plays it by the clock of a device')
     parser.add_argument(
-        '--start', nargs=argparse.REMAINDER, metavar='COMMAND', default=[],
+        '--start', type=str, nargs=argparse.REMAINDER, metavar='COMMAND', default=[],
         help='start the node by this command, afresh for every fault; all words behind it are its '
         'own')
     parser.set_defaults(function=_check)

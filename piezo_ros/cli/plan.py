@@ -21,6 +21,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from piezo_ros.cli.shared.exit_codes import EXIT_DONE, EXIT_FAILED, EXIT_USAGE
+from piezo_ros.cli.shared.option_types import (
+    AMPLITUDE_UM,
+    FREQUENCY_HZ,
+    OFFSET_UM,
+    SAMPLE_PERIOD_S,
+    SHARE,
+    SLEW_V_PER_S,
+    Number,
+)
 from piezo_ros.cli.shared.outputs import check_output
 from piezo_ros.experiment.model_file import read_bound
 from piezo_ros.model import DynamicsParameters, HysteresisParameters, ParameterError, RigParameters
@@ -44,6 +53,9 @@ examples:
   piezo plan trajectory.yaml --compensator compensator.yaml --plant rig.yaml \\
       --motion spiral_x.csv -o spiral.yaml
 """
+_FREE_TURN: Final = Number(0.0, 0.9)
+_UNCERTAINTY: Final = Number(0.0, 1e6)
+_RAMP_PERIODS: Final = Number(0.0, 1e4)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -58,9 +70,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--plant', type=Path, required=True, metavar='FILE',
         help='data sheet of the rig: slew limit, rails, travel')
     parser.add_argument(
-        '--amplitude-um', type=float, metavar='A', help='of a periodic scan')
+        '--amplitude-um', type=AMPLITUDE_UM, metavar='A', help='of a periodic scan')
     parser.add_argument(
-        '--frequency-hz', type=float, metavar='F', help='of a periodic scan')
+        '--frequency-hz', type=FREQUENCY_HZ, metavar='F', help='of a periodic scan')
     parser.add_argument(
         '--motion', type=Path, metavar='FILE',
         help='any motion, from 0 on, in place of a periodic scan: CSV or NPZ with reference_um')
@@ -68,23 +80,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--waveform', choices=('triangle', 'sine', 'sawtooth'), default='triangle',
         help='(default: triangle)')
     parser.add_argument(
-        '--offset-um', type=float, default=0.0, metavar='O', help='mean of the scan (default: 0)')
+        '--offset-um', type=OFFSET_UM, default=0.0, metavar='O',
+        help='mean of the scan (default: 0)')
     parser.add_argument(
-        '--turn-fraction', type=float, default=0.0, metavar='SHARE',
+        '--turn-fraction', type=SHARE, default=0.0, metavar='SHARE',
         help='share of each line of a triangle or sawtooth that is spent in parabolic turns '
         '(default: 0)')
     parser.add_argument(
-        '--flyback-fraction', type=float, default=0.1, metavar='SHARE',
+        '--flyback-fraction', type=SHARE, default=0.1, metavar='SHARE',
         help='share of the period in which a sawtooth goes back (default: 0.1)')
     parser.add_argument(
-        '--free-turn', type=float, default=0.0, metavar='SHARE',
+        '--free-turn', type=_FREE_TURN, default=0.0, metavar='SHARE',
         help='share of each line about its ends in which the error hardly counts (default: 0)')
     parser.add_argument(
-        '--band-hz', type=float, default=0.0, metavar='F',
+        '--band-hz', type=FREQUENCY_HZ, default=0.0, metavar='F',
         help='highest frequency of the voltage (default: six times the fastest pole pair, at most '
         '15 %% of the sampling frequency)')
     parser.add_argument(
-        '--average-slew-v-per-s', type=float, metavar='S',
+        '--average-slew-v-per-s', type=SLEW_V_PER_S, metavar='S',
         help='mean absolute slope that the average current of the amplifier allows (default: '
         'average_slew_limit_v_per_s of the rig)')
     uncertainty = parser.add_mutually_exclusive_group()
@@ -93,12 +106,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='what identify uncertainty wrote: narrows the band to where W(s) is at most 0.5, and '
         'tells the uncertainty of prediction and certificate')
     uncertainty.add_argument(
-        '--uncertainty', type=float, default=0.0, metavar='W',
+        '--uncertainty', type=_UNCERTAINTY, default=0.0, metavar='W',
         help='largest relative error of the model in the band, for the certificate')
     parser.add_argument(
-        '--ramp-periods', type=float, default=2.0, metavar='N', help='soft start (default: 2)')
+        '--ramp-periods', type=_RAMP_PERIODS, default=2.0, metavar='N',
+        help='soft start (default: 2)')
     parser.add_argument(
-        '--sample-period-s', type=float, default=1e-5, metavar='TS', help='(default: 1e-5)')
+        '--sample-period-s', type=SAMPLE_PERIOD_S, default=1e-5, metavar='TS',
+        help='(default: 1e-5)')
     parser.add_argument(
         '-o', '--output', type=Path, required=True, metavar='FILE',
         help='parameter file of the trajectory to write; its motion lies beside it (.npz)')

@@ -24,6 +24,7 @@ import numpy as np
 from piezo_ros.bag import BagError, read
 from piezo_ros.cli.shared.bag_options import add_bag_options, bag_options
 from piezo_ros.cli.shared.exit_codes import EXIT_DONE, EXIT_FAILED, EXIT_LOSS
+from piezo_ros.cli.shared.option_types import Number
 from piezo_ros.control import SCHEMES, ControllerParameters
 from piezo_ros.experiment.plan.automatic import AUTO
 from piezo_ros.model import (
@@ -69,9 +70,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--scheme', choices=(*SCHEMES, AUTO),
         help=f'another scheme; {AUTO}: of ff, fbff and fb the one that errs least in the replay')
-    for option, gain in (('kp', 'kP'), ('ki', 'kI, 1/s')):
+    for option, gain, most in (('kp', 'kP', 1e6), ('ki', 'kI, 1/s', 1e9)):
         parser.add_argument(
-            f'--{option}', type=float, metavar='GAIN', help=f'another gain {gain}')
+            f'--{option}', type=Number(0.0, most), metavar='GAIN', help=f'another gain {gain}')
     parser.add_argument(
         '-o', '--output', type=Path, metavar='DIR',
         help='directory of a page with recorded beside replayed, and their difference')

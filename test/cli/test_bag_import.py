@@ -72,7 +72,7 @@ def test_export_goes_by_the_suffix_and_comes_back(table, command, suffix):
     ((*COLUMNS, '--scale', 'voltage=0', '-o', 'x'), 2, '--scale: voltage is 0'),
     ((*COLUMNS, '--scale', 'voltage=ten', '-o', 'x'), 2, "voltage is 'ten', it must be a finite"),
     ((*COLUMNS, '--zero', 'voltage=Rest', '-o', 'x'), 2, "a finite number or 'rest'"),
-    ((*COLUMNS, '--sample-rate-hz', '0', '-o', 'x'), 2, 'it must be a number above 0'),
+    ((*COLUMNS, '--sample-rate-hz', '0', '-o', 'x'), 2, '--sample-rate-hz is 0, allowed is'),
     ((*COLUMNS, '--sample-rate-hz', '1000', '-o', 'x'), 1, '--sample-period-s 0.001'),
     (('--columns', 'voltage=pos:V', '-o', 'x'), 2, "did you mean 'pos [nm]'?"),
     (('-o', 'x'), 2, 'has none of the columns time_s, reference_um'),

@@ -31,6 +31,7 @@ from piezo_ros.cli.shared.exit_codes import (
     EXIT_LOSS,
     EXIT_POOR,
 )
+from piezo_ros.cli.shared.option_types import TIME_S
 from piezo_ros.cli.shared.outputs import check_output
 from piezo_ros.cli.shared.progress import working
 from piezo_ros.experiment.output_directory import prepare_directory
@@ -100,10 +101,10 @@ def add_common_arguments(
             help='draw fit, residuals and their whiteness: a page in this directory')
     add_bag_options(kind)
     kind.add_argument(
-        '--from-s', type=float, default=0.0, metavar='T',
+        '--from-s', type=TIME_S, default=0.0, metavar='T',
         help='leave out what was before this simulated time')
     kind.add_argument(
-        '--to-s', type=float, default=math.inf, metavar='T',
+        '--to-s', type=TIME_S, default=math.inf, metavar='T',
         help='leave out what was from this simulated time on')
 
 

@@ -54,8 +54,6 @@ def predicted_points(
 ) -> tuple[OperatingPoint, ...]:
     """Return what to expect at the operating points that the options ask for."""
     harmonics_open = options.harmonics == AUTO
-    if not harmonics_open and not options.harmonics.isdigit():
-        raise PlanError(f"--harmonics is {options.harmonics!r}, allowed is a number or 'auto'")
     period_s = options.sample_period_s
     highest_hz = 1.0 / (_SAMPLES_PER_PERIOD * period_s)
     compensator = _told(options.compensator, 'compensator', HysteresisParameters)
