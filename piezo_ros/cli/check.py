@@ -19,6 +19,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+from piezo_ros.cli.shared.given_options import refuse_without_effect
 from piezo_ros.cli.shared.option_types import SAMPLE_PERIOD_S, WAIT_S, Number
 
 if TYPE_CHECKING:
@@ -87,6 +88,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.set_defaults(function=_check)
 
 
+# Of a node that another command started, or of a device; none of them of a plan.
+_OF_NODES: Final = ('namespace', 'discovery_s', 'patience_s', 'watchdog_s', 'ahead', 'start')
+_OF_DEVICES: Final = ('parameters', 'yes')
+_OF_BOTH: Final = ('amplitude', 'sample_period_s')
+
+
 def _check(options: argparse.Namespace) -> int:
     if options.what in ROLES:
         return _check_node(options)
@@ -97,7 +104,7 @@ def _check(options: argparse.Namespace) -> int:
             f'piezo: {options.what} is none of {", ".join(ROLES)}; only these are started by a '
             'command', file=sys.stderr)
         return 2
-    return _check_plan(Path(options.what))
+    return _check_plan(Path(options.what), options)
 
 
 def _check_node(options: argparse.Namespace) -> int:
@@ -110,6 +117,12 @@ def _check_node(options: argparse.Namespace) -> int:
     if options.ahead and options.what != 'plant':
         print(f'piezo: --ahead is for plant, not for {options.what}', file=sys.stderr)
         return 2
+    refuse_without_effect(options, _OF_DEVICES, f'on a {options.what}, which runs already')
+    if options.start:
+        refuse_without_effect(
+            options, ['namespace'], 'beside --start, which takes a namespace of its own')
+    if options.what != 'plant' or not options.start:
+        refuse_without_effect(options, ['watchdog_s'], 'but on a plant behind --start')
     period_s = options.sample_period_s
     if period_s is None and options.what != 'plant':
         period_s = 1e-5
@@ -135,6 +148,7 @@ def _check_device(options: argparse.Namespace) -> int:
     from piezo_ros.hardware.chosen_device import choose_device
     from piezo_ros.hardware.device import DeviceError
     from piezo_ros.parameters.hardware_file import read_hardware
+    refuse_without_effect(options, _OF_NODES, 'on a device')
     if options.parameters is None:
         print('piezo: give --parameters FILE, which tells the device', file=sys.stderr)
         return 2
@@ -161,11 +175,12 @@ def _tell(findings: 'Iterable[Finding | DeviceFinding]') -> int:
     return 1 if wrong else 0
 
 
-def _check_plan(path: Path) -> int:
+def _check_plan(path: Path, options: argparse.Namespace) -> int:
     if not path.is_file():
         print(
             f'piezo: {path} is neither {", ".join(ROLES)} nor a plan file', file=sys.stderr)
         return 2
+    refuse_without_effect(options, [*_OF_NODES, *_OF_DEVICES, *_OF_BOTH], 'on a plan')
     from piezo_ros.experiment.plan import read_plan
     from piezo_ros.experiment.plan.device_limits import DeviceDemand, check_device_plan
     from piezo_ros.experiment.plan.rig_limits import Demand, check_plan

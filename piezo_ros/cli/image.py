@@ -72,7 +72,8 @@ def _image(options: argparse.Namespace) -> int:
     from piezo_ros.report.page.raster_report import image_table, write_raster_report
     from piezo_ros.report.scanned_image import scanned_image
     slow_bag = options.slow or options.fast
-    if options.slow is None and options.namespaces[0] == options.namespaces[1]:
+    if options.namespaces[0] == options.namespaces[1] and os.path.realpath(
+            slow_bag) == os.path.realpath(options.fast):
         print(
             'piezo: one bag holds both axes only if --namespaces tells them apart; else give '
             'BAG_X and BAG_Y', file=sys.stderr)

@@ -24,6 +24,7 @@ from typing import Any, Final
 from piezo_ros.bag import BagError
 from piezo_ros.cli.run import check_ros
 from piezo_ros.cli.shared.exit_codes import EXIT_DONE, EXIT_FAILED
+from piezo_ros.cli.shared.given_options import refuse_without_effect
 from piezo_ros.cli.shared.option_types import Whole
 from piezo_ros.cli.shared.progress import Progress
 from piezo_ros.parameters.errors import CampaignError, PlanError, failure_text
@@ -83,6 +84,10 @@ def _learn(options: argparse.Namespace) -> int:
     from piezo_ros.experiment.output_directory import prepare_directory
     from piezo_ros.experiment.planned_scan import read_planned_scan
     from piezo_ros.experiment.scan_learning import ScanLearning
+    if options.offline:
+        refuse_without_effect(options, ['composed'], 'beside --offline')
+    if options.resume:
+        refuse_without_effect(options, ['force'], 'beside --resume, which keeps what is there')
     request, plan = read_planned_scan(options.scan)
     base = _base(options.parameters)
     if 'device' in base['plant']:

@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from piezo_ros.cli.shared.exit_codes import EXIT_DONE, EXIT_FAILED, EXIT_USAGE
+from piezo_ros.cli.shared.given_options import refuse_without_effect
 from piezo_ros.cli.shared.option_types import (
     AMPLITUDE_UM,
     FREQUENCY_HZ,
@@ -53,6 +54,9 @@ examples:
   piezo plan trajectory.yaml --compensator compensator.yaml --plant rig.yaml \\
       --motion spiral_x.csv -o spiral.yaml
 """
+_OF_SCANS: Final = (
+    'amplitude_um', 'frequency_hz', 'waveform', 'offset_um', 'turn_fraction', 'flyback_fraction',
+    'free_turn', 'band_hz', 'bound', 'uncertainty', 'ramp_periods')
 _FREE_TURN: Final = Number(0.0, 0.9)
 _UNCERTAINTY: Final = Number(0.0, 1e6)
 _RAMP_PERIODS: Final = Number(0.0, 1e4)
@@ -132,6 +136,7 @@ def _plan(options: argparse.Namespace) -> int:
             'piezo: what is wanted is either --amplitude-um and --frequency-hz, or --motion',
             file=sys.stderr)
         return EXIT_USAGE
+    _refuse_what_has_no_effect(options)
     try:
         plant = read_parameter_set(options.plant, 'plant', RigParameters)
         dynamics = read_parameter_set(options.model, 'trajectory', DynamicsParameters)
@@ -147,6 +152,16 @@ def _plan(options: argparse.Namespace) -> int:
         return EXIT_FAILED
     print(f'scan: {", ".join(map(str, files))}')
     return EXIT_DONE
+
+
+def _refuse_what_has_no_effect(options: argparse.Namespace) -> None:
+    if options.motion is not None:
+        refuse_without_effect(options, _OF_SCANS, 'on a --motion')
+    elif options.waveform != 'sawtooth':
+        refuse_without_effect(
+            options, ['flyback_fraction'], f'on a {options.waveform}, but on a sawtooth')
+    if options.waveform == 'sine':
+        refuse_without_effect(options, ['turn_fraction'], 'on a sine')
 
 
 def _plan_scan(

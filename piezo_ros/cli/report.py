@@ -22,6 +22,7 @@ from typing import Any, Final
 
 from piezo_ros.bag import BagError, Recording, open_recording
 from piezo_ros.cli.shared.bag_options import add_bag_options, bag_options
+from piezo_ros.cli.shared.given_options import refuse_same_twice, refuse_without_effect
 from piezo_ros.cli.shared.option_types import AMPLITUDE_UM, FREQUENCY_HZ, Number, Whole
 from piezo_ros.experiment.output_directory import prepare_directory
 from piezo_ros.parameters.errors import PlanError, failure_text
@@ -85,6 +86,9 @@ def _report_scans(options: argparse.Namespace) -> int:
                 'apart', file=sys.stderr)
             return 2
     try:
+        refuse_without_effect(
+            options, ['periods', 'namespace', 'run', 'allow_loss', *_DESCRIPTION],
+            'on raster scans')
         scans = [scan for given in options.bags for scan in recorded_scans(given, options.output)]
         prepare_directory(options.output, force=options.force)
         report = write_raster_report(
@@ -108,6 +112,7 @@ def _report_runs(options: argparse.Namespace) -> int:
         if (value := getattr(options, name)) is not None}
     try:
         paths = [path for given in options.bags for path in _bags_below(given)]
+        refuse_same_twice(paths)
         runs: list[Recording] = []
         scored: list[ScoredRun] = []
         left_out: list[str] = []
@@ -123,6 +128,9 @@ def _report_runs(options: argparse.Namespace) -> int:
                 if len(paths) == 1:
                     raise
                 left_out.append(f'left out: {error}')
+        refuse_without_effect(
+            options, [name for name in _DESCRIPTION if all(name in run.metadata for run in runs)],
+            'where every bag tells it itself')
         if not scored:
             for line in left_out:
                 print(f'piezo: {line}', file=sys.stderr)

@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING, Final
 
 from piezo_ros.bag import BagError
 from piezo_ros.cli.shared.exit_codes import EXIT_FAILED
+from piezo_ros.cli.shared.given_options import refuse_without_effect
 from piezo_ros.cli.shared.option_types import Whole
 from piezo_ros.cli.shared.progress import Progress, ShownProgress
 from piezo_ros.experiment.campaign import run_campaign
@@ -114,6 +115,9 @@ def _run_live(options: argparse.Namespace) -> int:
 
     def check(plan: Plan) -> None:
         check_ros(options.namespace)
+        if plan.study:
+            refuse_without_effect(
+                options, ['separate'], 'on a study, all runs of which are in one process')
         if any(run.hardware for run in plan.runs):
             from piezo_ros.cli.shared.drive_question import check_devices
             check_devices(

@@ -20,6 +20,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+from piezo_ros.cli.shared.given_options import refuse_without_effect
 from piezo_ros.cli.shared.option_types import Whole
 from piezo_ros.cli.shared.progress import Progress
 from piezo_ros.experiment.plan.packaged_plans import plan_path
@@ -87,6 +88,9 @@ def _sweep(options: argparse.Namespace) -> int:
             raise PlanError('--bags keeps the bag of every run, --scores-only keeps none')
         if options.scheduler and options.engine != 'dask':
             raise PlanError('--scheduler needs --engine dask')
+        if options.scheduler:
+            refuse_without_effect(
+                options, ['workers'], 'beside --scheduler, which has workers already')
         if options.plan.resolve().is_relative_to(options.output.resolve()):
             raise PlanError(
                 f'{options.plan} lies in the output directory {options.output}, which would '

@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from piezo_ros import paper
 from piezo_ros.cli.shared.exit_codes import EXIT_FAILED, EXIT_POOR
+from piezo_ros.cli.shared.given_options import refuse_without_effect
 from piezo_ros.cli.shared.option_types import (
     AMPLITUDE_UM,
     DELAY_SAMPLES,
@@ -70,6 +71,9 @@ examples:
 _ABOVE_ONE: Final = Number(1.0, 1e6, is_above=True)
 _ABOVE_ZERO: Final = Number(0.0, 1e6, is_above=True)
 _HARMONICS: Final = NumberOrWord(Whole(1, 1000), AUTO)
+_OF_POINTS: Final = (
+    'compensator', 'plant', 'waveform', 'offset_um', 'turn_fraction', 'amplitudes_um',
+    'frequencies_hz', 'harmonics')
 _USUAL_PERIOD_S: Final = 1e-5
 _GAINS: Final = (
     ('kP', 'proportional_gain', ''),
@@ -169,6 +173,7 @@ def _tune(options: argparse.Namespace) -> int:
     from piezo_ros.identification.tuning.lead_tuning import tune_pi_with_lead
     from piezo_ros.identification.tuning.loop_shape import loop_shape
     from piezo_ros.identification.tuning.pi_tuning import tune_pi
+    _refuse_what_has_no_effect(options)
     check_output(options.output, force=options.force)
     if options.report:
         prepare_directory(options.report, force=options.force)
@@ -179,6 +184,10 @@ def _tune(options: argparse.Namespace) -> int:
             return EXIT_POOR
         _choose_sample_period(options)
         model = read_dynamics(options.model)
+        if not isinstance(model, LinearDynamics):
+            refuse_without_effect(
+                options, _OF_POINTS, f'where {options.model} is a rational model, of which no '
+                'operating points are predicted')
         evidence = read_evidence(
             options.model, model, options.sample_period_s, trust_band=not options.accept_poor)
         bound = _bound(options.bound)
@@ -235,6 +244,16 @@ def _tune(options: argparse.Namespace) -> int:
         f'next: name {options.output} in the parameter_files of a plan, or try it on a recording: '
         f'piezo replay BAG --controller {options.output}; --report DIR draws the loop')
     return 0
+
+
+def _refuse_what_has_no_effect(options: argparse.Namespace) -> None:
+    from piezo_ros.cli.shared.operating_points import NO_BOUND
+    if not options.lead:
+        refuse_without_effect(options, ['lead_ratio'], 'without --lead')
+    if options.bound == NO_BOUND:
+        refuse_without_effect(options, ['uncertainty_limit'], 'beside --bound none')
+    if options.no_operating_points:
+        refuse_without_effect(options, _OF_POINTS, 'beside --no-operating-points')
 
 
 def _poor_models(options: argparse.Namespace) -> str:

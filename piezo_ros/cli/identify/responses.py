@@ -17,8 +17,10 @@
 import argparse
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Final
 
 from piezo_ros.bag import Run
+from piezo_ros.cli.shared.given_options import refuse_without_effect
 from piezo_ros.cli.shared.option_types import SAMPLE_PERIOD_S, SLEW_V_PER_S
 from piezo_ros.cli.shared.progress import working
 from piezo_ros.control import TrajectoryParameters
@@ -33,6 +35,10 @@ from piezo_ros.parameters.parameter_file import read_parameter_set
 __all__ = [
     'add_response_arguments', 'add_table_arguments', 'response_of', 'response_source',
     'responses']
+
+_OF_BAGS: Final = (
+    'from_s', 'to_s', 'trajectory', 'excitation', 'estimator', 'slew_limit_v_per_s')
+_OF_PLACES: Final = ('namespace', 'run', 'allow_loss', 'compensator')
 
 
 def add_response_arguments(kind: argparse.ArgumentParser) -> None:
@@ -82,6 +88,17 @@ def responses(options: argparse.Namespace, runs: list[Run]) -> list[FrequencyRes
     tables = getattr(options, 'from_response', None) or []
     if not (runs or tables):
         raise PlanError('no BAG is given, and no --from-response FILE')
+    if not tables:
+        refuse_without_effect(options, ['sample_period_s'], 'without --from-response')
+    if not runs:
+        refuse_without_effect(
+            options, _OF_BAGS if options.place_from else (*_OF_BAGS, *_OF_PLACES),
+            'where no BAG is given')
+    if options.excitation:
+        refuse_without_effect(options, ['trajectory'], 'beside --excitation')
+    if options.excitation not in (None, 'auto', 'broadband'):
+        refuse_without_effect(
+            options, ['estimator'], f'on the excitation {options.excitation}, but on broadband')
     found = []
     for run, response in _recorded(options, runs) if runs else ():
         _tell(run.path.name, response)
