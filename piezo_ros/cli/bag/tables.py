@@ -41,6 +41,7 @@ examples:
   piezo bag import stage.tdms --columns voltage=Drive:V displacement=Cap:nm -o stage
   piezo bag import scan.csv -o scan        (as piezo bag export has written it)
 """
+_FACTOR: Final = Number(-1e12, 1e12)  # of a scale, and a zero
 _RATE_HZ: Final = Number(1e-3, 1e9, 'Hz')
 
 
@@ -106,12 +107,9 @@ def _assignments(option: str, words: list[str]) -> dict[str, str]:
 
 def _number(option: str, name: str, text: str, also: str = '') -> float:
     try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise PlanError(f'{option}: {name} is {text!r}, it must be a finite number{also}')
-    return value
+        return _FACTOR(text)
+    except argparse.ArgumentTypeError as error:
+        raise PlanError(f'{option}: {name} {error}{also}') from None
 
 
 def _choice(options: argparse.Namespace) -> ImportChoice:
