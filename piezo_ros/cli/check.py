@@ -147,6 +147,8 @@ def _check_device(options: argparse.Namespace) -> int:
     from piezo_ros.hardware.checks.device_check import check_device
     from piezo_ros.hardware.chosen_device import choose_device
     from piezo_ros.hardware.device import DeviceError
+    from piezo_ros.model.parameters import ParameterError
+    from piezo_ros.parameters.errors import PlanError
     from piezo_ros.parameters.hardware_file import read_hardware
     refuse_without_effect(options, _OF_NODES, 'on a device')
     if options.parameters is None:
@@ -158,6 +160,8 @@ def _check_device(options: argparse.Namespace) -> int:
     try:
         device = choose_device(hardware.device, hardware.to_mapping())
         return _tell(check_device(device, options.sample_period_s or 1e-5, options.amplitude))
+    except ParameterError as error:
+        raise PlanError(f'{options.parameters}: {error}') from None
     except DeviceError as error:
         print(f'piezo: {error}', file=sys.stderr)
         return 1

@@ -37,6 +37,7 @@ from piezo_ros.hardware.checks.loopback import measure_loopback
 from piezo_ros.hardware.chosen_device import choose_device
 from piezo_ros.hardware.device import Device, DeviceError
 from piezo_ros.interruption import holding_interruption
+from piezo_ros.model.parameters import ParameterError
 from piezo_ros.parameters.errors import PlanError
 from piezo_ros.parameters.hardware_file import read_hardware
 from piezo_ros.parameters.hardware_parameters import DEVICES, HardwareParameters
@@ -120,7 +121,10 @@ def _at_rest(options: argparse.Namespace) -> Iterator[tuple[Device, HardwarePara
     hardware = read_hardware(options.file)
     if hardware.is_real and not options.yes:
         ask_to_drive(f'{hardware.device} {hardware.output_channel}')
-    device = choose_device(hardware.device, hardware.to_mapping())
+    try:
+        device = choose_device(hardware.device, hardware.to_mapping())
+    except ParameterError as error:
+        raise PlanError(f'{options.file}: {error}') from None
     with holding_interruption() as interruption:  # No signal cuts a ramp off.
         try:
             device.open(options.sample_period_s)

@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from piezo_ros.cli.shared.exit_codes import EXIT_DONE, EXIT_FAILED, EXIT_USAGE
-from piezo_ros.cli.shared.given_options import refuse_without_effect
+from piezo_ros.cli.shared.given_options import refuse_named_option, refuse_without_effect
 from piezo_ros.cli.shared.option_types import (
     AMPLITUDE_UM,
     FREQUENCY_HZ,
@@ -59,7 +59,7 @@ _OF_SCANS: Final = (
     'free_turn', 'band_hz', 'bound', 'uncertainty', 'ramp_periods')
 _FREE_TURN: Final = Number(0.0, 0.9)
 _UNCERTAINTY: Final = Number(0.0, 1e6)
-_RAMP_PERIODS: Final = Number(0.0, 1e4)
+_RAMP_PERIODS: Final = Number(0.0, 1e3)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -148,6 +148,7 @@ def _plan(options: argparse.Namespace) -> int:
     except PlanError:
         raise
     except (ValueError, OSError, ModuleNotFoundError) as error:
+        refuse_named_option(options, error)
         print(f'piezo: {failure_text(error)}', file=sys.stderr)
         return EXIT_FAILED
     print(f'scan: {", ".join(map(str, files))}')
@@ -175,7 +176,16 @@ def _plan_scan(
     )
     from piezo_ros.identification.tuning.linear_plant import bound_magnitude
     from piezo_ros.planning.scan import plan_for_rig, with_bound
+    nyquist_hz = 0.5 / options.sample_period_s
+    if options.band_hz and not options.frequency_hz <= options.band_hz < nyquist_hz:
+        raise PlanError(
+            f'--band-hz is {options.band_hz:g}, allowed is from --frequency-hz, '
+            f'{options.frequency_hz:g} Hz, to below the Nyquist frequency, {nyquist_hz:g} Hz')
     most_um = plant.reach_um - abs(options.offset_um)
+    if most_um <= 0.0:
+        raise PlanError(
+            f'--offset-um is {options.offset_um:g}, allowed is within {plant.reach_um:g} um to '
+            'either side, the reach of the stage')
     if not 0.0 < options.amplitude_um <= most_um:
         beside = f', beside the offset of {options.offset_um:g} um' if options.offset_um else ''
         raise ParameterError(

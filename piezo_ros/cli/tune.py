@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from piezo_ros import paper
 from piezo_ros.cli.shared.exit_codes import EXIT_FAILED, EXIT_POOR
-from piezo_ros.cli.shared.given_options import refuse_without_effect
+from piezo_ros.cli.shared.given_options import refuse_named_option, refuse_without_effect
 from piezo_ros.cli.shared.option_types import (
     AMPLITUDE_UM,
     DELAY_SAMPLES,
@@ -221,6 +221,7 @@ def _tune(options: argparse.Namespace) -> int:
     except PlanError:
         raise
     except (ValueError, OSError) as error:
+        refuse_named_option(options, error)
         print(f'piezo: {failure_text(error)}', file=sys.stderr)
         return EXIT_FAILED
     print(

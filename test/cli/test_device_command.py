@@ -103,6 +103,31 @@ def test_numbers_of_a_calibration_are_checked_before_the_device_is_opened(
     assert said in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(('device', 'said'), [
+    ('os:path', 'path is a module, no class'),
+    ('os:getcwd', 'which cannot be made of the parameters: TypeError'),
+    ('builtins:dict', 'which is no device: it has no constraints, open, hold'),
+    ('no_such_module:Stage', "No module named 'no_such_module'"),
+    ('os:Stage', "has no attribute 'Stage'"),
+])
+@pytest.mark.parametrize('command', [
+    ['check', 'device', '--yes', '--parameters'], ['device', 'loopback', '--yes']])
+def test_a_name_that_is_no_device_is_refused(stage, capsys, command, device, said):
+    assert main([*command, stage(f"'{device}'")]) == 1
+    told = capsys.readouterr().err
+    assert f'device is {device}' in told
+    assert said in told
+
+
+@pytest.mark.parametrize('words', [
+    ['--amplitude', '0'], ['--amplitude', 'nan'], ['--sample-period-s', '0'],
+    ['--discovery-s', 'nan']])
+def test_a_check_with_a_number_that_is_none_is_a_usage_error(stage, capsys, words):
+    with pytest.raises(SystemExit, match='^2$'):
+        main(['check', 'device', '--parameters', stage(), *words])
+    assert f'{words[0]} is ' in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(('device', 'more', 'said'), [
     ('simulated', ', no_such: 1', "unknown parameter 'no_such'"),
     ('oscilloscope', '', "device is 'oscilloscope'"),

@@ -31,6 +31,7 @@ from piezo_ros.cli.shared.exit_codes import (
     EXIT_LOSS,
     EXIT_POOR,
 )
+from piezo_ros.cli.shared.given_options import refuse_named_option
 from piezo_ros.cli.shared.option_types import TIME_S
 from piezo_ros.cli.shared.outputs import check_output
 from piezo_ros.cli.shared.progress import working
@@ -164,6 +165,7 @@ def identify(
     except PlanError:
         raise
     except (BagError, ValueError, OSError) as error:
+        refuse_named_option(options, error)
         print(f'piezo: {failure_text(error)}', file=sys.stderr)
         return EXIT_FAILED
     print(f'model: {", ".join(map(str, files))}')

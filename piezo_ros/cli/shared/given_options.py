@@ -27,7 +27,7 @@ from typing import Any, Final
 
 from piezo_ros.parameters.errors import PlanError
 
-__all__ = ['ACTIONS', 'refuse_same_twice', 'refuse_without_effect']
+__all__ = ['ACTIONS', 'refuse_named_option', 'refuse_same_twice', 'refuse_without_effect']
 
 _NOTES: Final = 'given_options'  # attribute of the parsed options: destination to option and value
 
@@ -149,3 +149,26 @@ def refuse_without_effect(
     if given:
         have, them = ('has', 'it') if len(given) == 1 else ('have', 'them')
         raise PlanError(f'{", ".join(given)} {have} no effect {why}; leave {them} out')
+
+
+def refuse_named_option(options: argparse.Namespace, error: Exception) -> None:
+    """
+    Refuse an option that an error of a calculation names, as a parameter.
+
+    Parameters
+    ----------
+    options : argparse.Namespace
+        What was parsed.
+    error : Exception
+        Its text may begin with the name of a parameter.
+
+    Raises
+    ------
+    PlanError
+        If an option of that name was given; the text names the option.
+
+    """
+    notes = getattr(options, _NOTES, {})
+    name, _, rest = str(error).partition(' ')
+    if name.rstrip(':') in notes:
+        raise PlanError(f'{notes[name.rstrip(":")][0]} {rest}') from None
