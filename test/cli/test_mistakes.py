@@ -198,6 +198,8 @@ SLOW_COMMANDS = [
         '--amplitudes-um has 7, allowed is above 0 … 6 um']),
     ('tune trajectory.yaml -o out.yaml --frequencies-hz 60000', 2, [
         '--frequencies-hz has 60000, allowed is above 0 and below 50000 Hz']),
+    ('tune trajectory.yaml -o out.yaml --frequencies-hz 1e-6', 2, [
+        '--frequencies-hz has 1e-06, of which a period has 1e+11 samples, allowed are 500000']),
     ('tune trajectory.yaml -o out.yaml --waveform triangel', 2, ["did you mean 'triangle'?"]),
     ('tune trajectory.yaml -o out.yaml --amplitude-um 1', 2, ["did you mean '--amplitudes-um'?"]),
     ('tune trajectory.yaml -o out.yaml --bound rig.yaml', 2, ['rig.yaml is no uncertainty_bound']),
