@@ -92,8 +92,6 @@ def test_two_bags_make_an_image(bags, capsys, tmp_path):
     (['x', 'x'], 2, 'x is both axes: one bag holds both axes only if'),
     (['x', 'fast_too'], 1, 'the slow reference does not go from line to line'),
     (['x', 'none'], 1, 'none'),
-    (['x', 'y', '--pixels', '1'], 1, 'pixels is 1'),
-    (['x', 'y', '--central', '2'], 1, 'central is 2.0, allowed is above 0 … 1'),
     (['x', 'y', '--namespaces', '/a', '/b'], 1, '/a'),
 ])
 def test_what_makes_no_image_is_said_in_a_line(bags, arguments, code, problem, capsys):

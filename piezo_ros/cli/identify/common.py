@@ -24,13 +24,15 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple, Protocol, TypeVar
 
 from piezo_ros.bag import BagError, Recording, Run, open_recording
-from piezo_ros.cli.shared.bag_options import add_bag_options, bag_options, refuse_twice
+from piezo_ros.cli.shared.bag_options import add_bag_options, bag_options
 from piezo_ros.cli.shared.exit_codes import (
     EXIT_DONE,
     EXIT_FAILED,
     EXIT_LOSS,
     EXIT_POOR,
 )
+from piezo_ros.cli.shared.given_options import refuse_named_option
+from piezo_ros.cli.shared.option_types import TIME_S
 from piezo_ros.cli.shared.outputs import check_output
 from piezo_ros.cli.shared.progress import working
 from piezo_ros.experiment.output_directory import prepare_directory
@@ -100,10 +102,10 @@ def add_common_arguments(
             help='draw fit, residuals and their whiteness: a page in this directory')
     add_bag_options(kind)
     kind.add_argument(
-        '--from-s', type=float, default=0.0, metavar='T',
+        '--from-s', type=TIME_S, default=0.0, metavar='T',
         help='leave out what was before this simulated time')
     kind.add_argument(
-        '--to-s', type=float, default=math.inf, metavar='T',
+        '--to-s', type=TIME_S, default=math.inf, metavar='T',
         help='leave out what was from this simulated time on')
 
 
@@ -141,7 +143,6 @@ def identify(
     """
     outputs = [options.output, *(
         options.output.with_suffix(suffix) for suffix in (_PLOT_SUFFIX, *further_suffixes))]
-    refuse_twice(options.bags)
     for path in outputs:
         check_output(path, force=options.force)
     directory = getattr(options, 'report', None)
@@ -164,6 +165,7 @@ def identify(
     except PlanError:
         raise
     except (BagError, ValueError, OSError) as error:
+        refuse_named_option(options, error)
         print(f'piezo: {failure_text(error)}', file=sys.stderr)
         return EXIT_FAILED
     print(f'model: {", ".join(map(str, files))}')

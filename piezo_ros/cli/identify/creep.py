@@ -15,6 +15,7 @@
 """``piezo identify creep``: the slow motion after a change of the voltage to its share a decade."""
 
 import argparse
+from pathlib import Path
 from typing import Any, Final
 
 from piezo_ros.bag import BagError, Recording
@@ -28,11 +29,11 @@ from piezo_ros.cli.identify.common import (
     with_picture,
 )
 from piezo_ros.cli.identify.hysteresis import ReducedRun, reduced_run
+from piezo_ros.cli.shared.option_types import TIME_S
 from piezo_ros.cli.shared.progress import working
 from piezo_ros.experiment.model_file import read_model
 from piezo_ros.identification.creep.creep_fit import CreepFit, fit_creep
 from piezo_ros.model import HysteresisParameters
-from piezo_ros.parameters.errors import PlanError
 
 __all__ = ['add_kind']
 
@@ -51,11 +52,11 @@ def add_kind(kinds: Any) -> None:
         'creep', help='creep, from voltage and displacement after steps or of a long record: what '
         'the compensator inverts for the scheme ff; feedback makes it unnecessary')
     kind.add_argument(
-        '--compensator', metavar='FILE',
+        '--compensator', type=Path, metavar='FILE',
         help='hysteresis that tells the displacement without creep (default: none where the '
         'voltage is held for half of the record, else that of the compensator in the bag)')
     kind.add_argument(
-        '--settle-s', type=float, default=0.02, metavar='T',
+        '--settle-s', type=TIME_S, default=0.02, metavar='T',
         help='left out after each change of a held voltage (default: 0.02)')
     kind.add_argument(
         '--settled', action='store_true',
@@ -79,8 +80,6 @@ def _read(recording: Recording, start: int, stop: int) -> ReducedRun:
 
 def _make(options: argparse.Namespace, runs: list[ReducedRun]) -> Identified:
     run = runs[0]
-    if not 0.0 <= options.settle_s < float('inf'):
-        raise PlanError(f'--settle-s is {options.settle_s}, allowed is 0 s and more')
     told = None
     if options.compensator:
         told = read_model(options.compensator, HysteresisParameters)

@@ -16,7 +16,7 @@
 
 import argparse
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import yaml
 
@@ -29,11 +29,14 @@ from piezo_ros.cli.identify.common import (
     with_picture,
 )
 from piezo_ros.cli.identify.responses import add_response_arguments, responses
+from piezo_ros.cli.shared.option_types import Whole
 from piezo_ros.cli.shared.progress import working
 from piezo_ros.experiment.model_file import BOUND_KIND, FORMAT_VERSION, read_model
 from piezo_ros.model import DynamicsParameters, LinearDynamics
 
 __all__ = ['add_kind']
+
+_ORDER: Final = Whole(1, 20)
 
 
 def add_kind(kinds: Any) -> None:
@@ -42,7 +45,7 @@ def add_kind(kinds: Any) -> None:
         'uncertainty', help='W(s) above every measured deviation from a model')
     kind.add_argument(
         '--model', type=Path, required=True, metavar='FILE', help='what identify dynamics wrote')
-    kind.add_argument('--order', type=int, default=2, help='of W(s) (default: 2)')
+    kind.add_argument('--order', type=_ORDER, default=2, help='of W(s) (default: 2)')
     add_common_arguments(kind)
     add_response_arguments(kind)
     kind.set_defaults(function=lambda options: identify(_make, options))

@@ -15,20 +15,18 @@
 """The options of the commands that read a run from a bag, in one place."""
 
 import argparse
-from collections.abc import Iterable
-from pathlib import Path
 from typing import Any
 
-from piezo_ros.parameters.errors import PlanError
+from piezo_ros.cli.shared.option_types import COUNT
 
-__all__ = ['add_bag_options', 'bag_options', 'refuse_twice']
+__all__ = ['add_bag_options', 'bag_options']
 
 
 def add_bag_options(parser: argparse.ArgumentParser) -> None:
     """Add the options that say which run to read, and what to do with a damaged bag."""
     parser.add_argument('--namespace', metavar='NS', help='the rig, where a bag holds several')
     parser.add_argument(
-        '--run', type=int, metavar='N',
+        '--run', type=COUNT, metavar='N',
         help='the run, counted from 1, where a bag holds several one after the other')
     parser.add_argument(
         '--allow-loss', action=argparse.BooleanOptionalAction, default=True,
@@ -38,27 +36,3 @@ def add_bag_options(parser: argparse.ArgumentParser) -> None:
 def bag_options(options: argparse.Namespace) -> dict[str, Any]:
     """Return them as `piezo_ros.bag.read` and `piezo_ros.bag.open_recording` take them."""
     return {name: getattr(options, name) for name in ('namespace', 'run', 'allow_loss')}
-
-
-def refuse_twice(paths: Iterable[Path]) -> None:
-    """
-    Refuse a bag that is given twice: its samples would count as those of two measurements.
-
-    Parameters
-    ----------
-    paths : iterable of Path
-        The bags, or directories with bags.
-
-    Raises
-    ------
-    PlanError
-        If two of them are the same place.
-
-    """
-    given: dict[Path, Path] = {}
-    for path in paths:
-        place = path.resolve()
-        if place in given:
-            beside = '' if given[place] == path else f' (as {given[place]} as well)'
-            raise PlanError(f'{path} is given twice{beside}, give it once')
-        given[place] = path
