@@ -15,6 +15,7 @@
 """``piezo identify creep``: the slow motion after a change of the voltage to its share a decade."""
 
 import argparse
+from pathlib import Path
 from typing import Any, Final
 
 from piezo_ros.bag import BagError, Recording
@@ -51,7 +52,7 @@ def add_kind(kinds: Any) -> None:
         'creep', help='creep, from voltage and displacement after steps or of a long record: what '
         'the compensator inverts for the scheme ff; feedback makes it unnecessary')
     kind.add_argument(
-        '--compensator', metavar='FILE',
+        '--compensator', type=Path, metavar='FILE',
         help='hysteresis that tells the displacement without creep (default: none where the '
         'voltage is held for half of the record, else that of the compensator in the bag)')
     kind.add_argument(
