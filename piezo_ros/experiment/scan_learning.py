@@ -177,7 +177,7 @@ class ScanLearning:
 
         """
         plan = self.learner.propose()
-        name = f'{len(self.runs):03d}'
+        name = self._free_name()
         bag = self.directory / 'bags' / name
         motion = self._scan.motion(plan)
         path = self.directory / 'motions' / f'{name}.npz'
@@ -189,6 +189,15 @@ class ScanLearning:
         learned = self._take(name, plan)
         self._keep()
         return learned
+
+    def _free_name(self) -> str:
+        """Return a name for the next run; the bag of one that was interrupted keeps its own."""
+        first = name = f'{len(self.runs):03d}'
+        tries = 1
+        while (self.directory / 'bags' / name).exists():
+            tries += 1
+            name = f'{first}_{tries}'
+        return name
 
     def _planned(self, motion: Path, samples: int) -> PlannedRun:
         request, number = self.request, len(self.runs)
