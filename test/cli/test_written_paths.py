@@ -316,4 +316,5 @@ def test_every_path_is_told_to_the_check_as_a_path():
             is_path = any(
                 isinstance(action.metavar, str) and word in action.metavar
                 for word in ('FILE', 'DIR', 'BAG', 'MODEL', 'SCAN'))
-            assert not is_path or action.type is Path, f'{command} {action.dest}'
+            if is_path:
+                assert isinstance((action.type or str)('a'), Path), f'{command} {action.dest}'
