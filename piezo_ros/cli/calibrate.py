@@ -15,14 +15,18 @@
 """``piezo calibrate``: the mismatches of the simulated rig out of the published tracking errors."""
 
 import argparse
-import sys
 from pathlib import Path
+from typing import Final
 
+from piezo_ros.cli.shared.option_types import Whole
 from piezo_ros.cli.shared.outputs import OutputFile
 from piezo_ros.cli.shared.progress import Progress
 from piezo_ros.report.files import write_atomically
 
 __all__ = ['add_arguments']
+
+_SEED: Final = Whole(0, 2**32 - 1)
+_GENERATIONS: Final = Whole(1, 100_000)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -32,16 +36,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '-o', '--output', type=Path, action=OutputFile, required=True, metavar='FILE',
         help='parameter file to write')
     parser.add_argument('--force', action='store_true', help='replace the file')
-    parser.add_argument('--seed', type=int, default=1, help='of the search (default: 1)')
+    parser.add_argument('--seed', type=_SEED, default=1, help='of the search (default: 1)')
     parser.add_argument(
-        '--generations', type=int, default=45, help='of the search (default: 45, some minutes)')
+        '--generations', type=_GENERATIONS, default=45,
+        help='of the search (default: 45, some minutes)')
     parser.set_defaults(function=_calibrate)
 
 
 def _calibrate(options: argparse.Namespace) -> int:
-    if options.generations < 1 or options.seed < 0:
-        print('piezo: --generations must be at least 1 and --seed at least 0', file=sys.stderr)
-        return 2
     from piezo_ros.study.calibration import calibrate_rig
     progress = Progress()
     progress.announce('calibrating on the rows 0.5, 1.5 and 2.5 um of Table 4')

@@ -19,6 +19,9 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+from piezo_ros.cli.shared.given_options import refuse_without_effect
+from piezo_ros.cli.shared.option_types import SAMPLE_PERIOD_S, WAIT_S, Number
+
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
@@ -41,6 +44,7 @@ A plant is driven with a sine of --amplitude around its operating point, for som
 Blocks that must be refused are sent in between, NaN among them: a driver that takes them drives
 its hardware with them.
 """
+_AMPLITUDE: Final = Number(0.0, 1e4, 'V or um', is_above=True)
 _LOOK_AROUND_S: Final = 3.5  # discovery may tell of one node seconds before another
 _WORDS: Final = {True: 'ok', False: 'WRONG', None: 'unknown'}
 
@@ -56,30 +60,38 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='parameter file with the plant that has the device to check')
     parser.add_argument(
         '--yes', action='store_true', help='drive a real device without asking')
-    parser.add_argument('--namespace', default='', metavar='NS', help='namespace of the node')
     parser.add_argument(
-        '--amplitude', type=float, default=0.1, metavar='A',
+        '--namespace', default='', metavar='NS', type=str,
+        help='namespace of the node')
+    parser.add_argument(
+        '--amplitude', type=_AMPLITUDE, default=0.1, metavar='A',
         help='what the node is driven with, V or um (default: 0.1)')
     parser.add_argument(
-        '--sample-period-s', type=float, metavar='T',
+        '--sample-period-s', type=SAMPLE_PERIOD_S, metavar='T',
         help='sample period (default: that of the plant, 1e-5 for the others)')
     parser.add_argument(
-        '--discovery-s', type=float, default=15.0, metavar='T',
+        '--discovery-s', type=WAIT_S, default=15.0, metavar='T',
         help='how long the node may take to appear (default: 15)')
     parser.add_argument(
-        '--patience-s', type=float, default=10.0, metavar='T',
+        '--patience-s', type=WAIT_S, default=10.0, metavar='T',
         help='how long an answer may take (default: 10)')
     parser.add_argument(
-        '--watchdog-s', type=float, default=5.0, metavar='T',
+        '--watchdog-s', type=WAIT_S, default=5.0, metavar='T',
         help='how long the plant may go on without voltage (default: 5)')
     parser.add_argument(
         '--ahead', action='store_true',
         help='send the whole run first, to a plant that plays it by the clock of a device')
     parser.add_argument(
-        '--start', nargs=argparse.REMAINDER, metavar='COMMAND', default=[],
+        '--start', type=str, nargs=argparse.REMAINDER, metavar='COMMAND', default=[],
         help='start the node by this command, afresh for every fault; all words behind it are its '
         'own')
     parser.set_defaults(function=_check)
+
+
+# Of a node that another command started, or of a device; none of them of a plan.
+_OF_NODES: Final = ('namespace', 'discovery_s', 'patience_s', 'watchdog_s', 'ahead', 'start')
+_OF_DEVICES: Final = ('parameters', 'yes')
+_OF_BOTH: Final = ('amplitude', 'sample_period_s')
 
 
 def _check(options: argparse.Namespace) -> int:
@@ -92,7 +104,7 @@ def _check(options: argparse.Namespace) -> int:
             f'piezo: {options.what} is none of {", ".join(ROLES)}; only these are started by a '
             'command', file=sys.stderr)
         return 2
-    return _check_plan(Path(options.what))
+    return _check_plan(Path(options.what), options)
 
 
 def _check_node(options: argparse.Namespace) -> int:
@@ -105,6 +117,12 @@ def _check_node(options: argparse.Namespace) -> int:
     if options.ahead and options.what != 'plant':
         print(f'piezo: --ahead is for plant, not for {options.what}', file=sys.stderr)
         return 2
+    refuse_without_effect(options, _OF_DEVICES, f'on a {options.what}, which runs already')
+    if options.start:
+        refuse_without_effect(
+            options, ['namespace'], 'beside --start, which takes a namespace of its own')
+    if options.what != 'plant' or not options.start:
+        refuse_without_effect(options, ['watchdog_s'], 'but on a plant behind --start')
     period_s = options.sample_period_s
     if period_s is None and options.what != 'plant':
         period_s = 1e-5
@@ -129,7 +147,10 @@ def _check_device(options: argparse.Namespace) -> int:
     from piezo_ros.hardware.checks.device_check import check_device
     from piezo_ros.hardware.chosen_device import choose_device
     from piezo_ros.hardware.device import DeviceError
+    from piezo_ros.model.parameters import ParameterError
+    from piezo_ros.parameters.errors import PlanError
     from piezo_ros.parameters.hardware_file import read_hardware
+    refuse_without_effect(options, _OF_NODES, 'on a device')
     if options.parameters is None:
         print('piezo: give --parameters FILE, which tells the device', file=sys.stderr)
         return 2
@@ -139,6 +160,8 @@ def _check_device(options: argparse.Namespace) -> int:
     try:
         device = choose_device(hardware.device, hardware.to_mapping())
         return _tell(check_device(device, options.sample_period_s or 1e-5, options.amplitude))
+    except ParameterError as error:
+        raise PlanError(f'{options.parameters}: {error}') from None
     except DeviceError as error:
         print(f'piezo: {error}', file=sys.stderr)
         return 1
@@ -156,11 +179,12 @@ def _tell(findings: 'Iterable[Finding | DeviceFinding]') -> int:
     return 1 if wrong else 0
 
 
-def _check_plan(path: Path) -> int:
+def _check_plan(path: Path, options: argparse.Namespace) -> int:
     if not path.is_file():
         print(
             f'piezo: {path} is neither {", ".join(ROLES)} nor a plan file', file=sys.stderr)
         return 2
+    refuse_without_effect(options, [*_OF_NODES, *_OF_DEVICES, *_OF_BOTH], 'on a plan')
     from piezo_ros.experiment.plan import read_plan
     from piezo_ros.experiment.plan.device_limits import DeviceDemand, check_device_plan
     from piezo_ros.experiment.plan.rig_limits import Demand, check_plan

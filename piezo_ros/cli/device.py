@@ -15,7 +15,6 @@
 """``piezo device``: what is attached, a loop from output to input, the scale of the sensor."""
 
 import argparse
-import math
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -26,11 +25,19 @@ import numpy as np
 
 from piezo_ros.cli.shared.drive_question import ask_to_drive
 from piezo_ros.cli.shared.exit_codes import EXIT_DONE, EXIT_FAILED
+from piezo_ros.cli.shared.option_types import (
+    SAMPLE_PERIOD_S,
+    SAMPLES,
+    SLEW_V_PER_S,
+    VOLTAGE_V,
+    Number,
+)
 from piezo_ros.hardware.calibration import Calibration, sensor_v, two_point_calibration
 from piezo_ros.hardware.checks.loopback import measure_loopback
 from piezo_ros.hardware.chosen_device import choose_device
 from piezo_ros.hardware.device import Device, DeviceError
 from piezo_ros.interruption import holding_interruption
+from piezo_ros.model.parameters import ParameterError
 from piezo_ros.parameters.errors import PlanError
 from piezo_ros.parameters.hardware_file import read_hardware
 from piezo_ros.parameters.hardware_parameters import DEVICES, HardwareParameters
@@ -46,8 +53,9 @@ examples:
   piezo device loopback stage.yaml          output wired to input, no amplifier connected
   piezo device calibrate stage.yaml --at-v 0.5 9.5 --um 0.61 11.42
 """
+_AMPLITUDE_V: Final = Number(0.0, 1e3, 'V', is_above=True)
+_DISPLACEMENT_UM: Final = Number(-1e6, 1e6, 'um')
 _READINGS: Final = 1000
-_FEWEST_SAMPLES: Final = 64
 _SETTLE_S: Final = 0.5
 _MOST_SETTLING: Final = 10**6  # samples
 _SIGMAS: Final = 20.0  # by which the two points of a calibration must differ at least
@@ -59,32 +67,34 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     tasks = parser.add_subparsers(dest='task', required=True, metavar='TASK')
     listing = tasks.add_parser('list', help='what is attached')
     listing.add_argument(
-        '--address', default='', metavar='HOST:PORT', help='of a device server (default: the local '
+        '--address', type=str, default='', metavar='HOST:PORT',
+        help='of a device server (default: the local '
         'driver)')
     listing.set_defaults(function=_list)
     loopback = tasks.add_parser(
         'loopback', help='delay and gain from the output to the input, wired together')
     loopback.add_argument(
-        '--amplitude-v', type=float, default=0.5, metavar='A', help='of the block (default: 0.5)')
+        '--amplitude-v', type=_AMPLITUDE_V, default=0.5, metavar='A',
+        help='of the block (default: 0.5)')
     loopback.add_argument(
-        '--samples', type=int, default=4096, metavar='N', help='of the block (default: 4096)')
+        '--samples', type=SAMPLES, default=4096, metavar='N', help='of the block (default: 4096)')
     loopback.set_defaults(function=_loopback)
     calibrate = tasks.add_parser(
         'calibrate', help='scale and offset of the sensor from two known displacements')
     calibrate.add_argument(
-        '--at-v', type=float, nargs=2, required=True, metavar=('LOW', 'HIGH'),
+        '--at-v', type=VOLTAGE_V, nargs=2, required=True, metavar=('LOW', 'HIGH'),
         help='amplifier inputs to go to, volts')
     calibrate.add_argument(
-        '--um', type=float, nargs=2, metavar=('LOW', 'HIGH'),
+        '--um', type=_DISPLACEMENT_UM, nargs=2, metavar=('LOW', 'HIGH'),
         help='displacements there by another instrument (default: asked for)')
     calibrate.set_defaults(function=_calibrate)
     for task in (loopback, calibrate):
         task.add_argument('file', type=Path, metavar='FILE', help='parameter file of the plant')
         task.add_argument(
-            '--sample-period-s', type=float, default=1e-5, metavar='T',
+            '--sample-period-s', type=SAMPLE_PERIOD_S, default=1e-5, metavar='T',
             help='sample period (default: 1e-5)')
         task.add_argument(
-            '--slew-v-per-s', type=float, default=100.0, metavar='S',
+            '--slew-v-per-s', type=SLEW_V_PER_S, default=100.0, metavar='S',
             help='of the ramps (default: 100)')
         task.add_argument(
             '--yes', action='store_true', help='drive a real output without asking')
@@ -108,15 +118,13 @@ def _list(options: argparse.Namespace) -> int:
 @contextmanager
 def _at_rest(options: argparse.Namespace) -> Iterator[tuple[Device, HardwareParameters]]:
     """Yield the device of a file, open and at rest, and leave it there whatever happens."""
-    for name in ('sample_period_s', 'slew_v_per_s'):
-        value = getattr(options, name)
-        if not 0.0 < value < math.inf:
-            raise PlanError(
-                f'--{name.replace("_", "-")} is {value}, it must be positive and finite')
     hardware = read_hardware(options.file)
     if hardware.is_real and not options.yes:
         ask_to_drive(f'{hardware.device} {hardware.output_channel}')
-    device = choose_device(hardware.device, hardware.to_mapping())
+    try:
+        device = choose_device(hardware.device, hardware.to_mapping())
+    except ParameterError as error:
+        raise PlanError(f'{options.file}: {error}') from None
     with holding_interruption() as interruption:  # No signal cuts a ramp off.
         try:
             device.open(options.sample_period_s)
@@ -131,8 +139,6 @@ def _at_rest(options: argparse.Namespace) -> Iterator[tuple[Device, HardwarePara
 
 
 def _loopback(options: argparse.Namespace) -> int:
-    if options.samples < _FEWEST_SAMPLES:
-        raise PlanError(f'--samples is {options.samples}, it must be at least {_FEWEST_SAMPLES}')
     try:
         with _at_rest(options) as (device, hardware):
             c = device.constraints

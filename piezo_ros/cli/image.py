@@ -21,6 +21,7 @@ from typing import Final
 
 from piezo_ros.bag import BagError, Run, read
 from piezo_ros.cli.shared.exit_codes import EXIT_DONE, EXIT_FAILED, EXIT_LOSS, EXIT_USAGE
+from piezo_ros.cli.shared.option_types import COUNT, Number, Whole
 from piezo_ros.cli.shared.outputs import OutputDirectory
 from piezo_ros.experiment.output_directory import prepare_directory
 from piezo_ros.parameters.errors import PlanError, failure_text
@@ -34,6 +35,8 @@ examples:
   piezo image both_axes --namespaces /x /y -o out/image --pixels 512
   piezo report out/raster -o out/again           all scans of a plan
 """
+_PIXELS: Final = Whole(2, 100_000)
+_CENTRAL: Final = Number(0.0, 1.0, is_above=True)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -51,15 +54,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--force', action='store_true', help='replace an earlier output in DIR')
     parser.add_argument(
-        '--pixels', type=int, default=256, metavar='N', help='pixels of a line (default: 256)')
+        '--pixels', type=_PIXELS, default=256, metavar='N', help='pixels of a line (default: 256)')
     parser.add_argument(
-        '--central', type=float, default=0.8, metavar='SHARE',
+        '--central', type=_CENTRAL, default=0.8, metavar='SHARE',
         help='share of each line that is in the image, the rest is for the turns (default: 0.8)')
     parser.add_argument(
         '--namespaces', nargs=2, default=(None, None), metavar=('NS_X', 'NS_Y'),
         help='the rigs of the axes, where a bag holds several')
     parser.add_argument(
-        '--run', type=int, metavar='N',
+        '--run', type=COUNT, metavar='N',
         help='the run, counted from 1, where a bag holds several one after the other')
     parser.add_argument(
         '--allow-loss', action=argparse.BooleanOptionalAction, default=True,
@@ -71,7 +74,8 @@ def _image(options: argparse.Namespace) -> int:
     from piezo_ros.report.page.raster_report import image_table, write_raster_report
     from piezo_ros.report.scanned_image import scanned_image
     slow_bag = options.slow or options.fast
-    if options.slow is None and options.namespaces[0] == options.namespaces[1]:
+    if options.namespaces[0] == options.namespaces[1] and os.path.realpath(
+            slow_bag) == os.path.realpath(options.fast):
         print(
             'piezo: one bag holds both axes only if --namespaces tells them apart; else give '
             'BAG_X and BAG_Y', file=sys.stderr)

@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Final
 
 from piezo_ros.cli.shared.exit_codes import EXIT_DONE
+from piezo_ros.cli.shared.given_options import refuse_without_effect
 from piezo_ros.cli.shared.outputs import OutputPath
 from piezo_ros.experiment.output_directory import copy_plan
 from piezo_ros.experiment.plan.packaged_plans import examples
@@ -50,6 +51,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def _init(options: argparse.Namespace) -> int:
     there = examples()
     if options.name is None:
+        refuse_without_effect(options, ['output'], 'without NAME')
         for name, source in there.items():
             print(f'{name:16}{_title(source)}')
         return EXIT_DONE

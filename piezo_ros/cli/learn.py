@@ -24,6 +24,8 @@ from typing import Any, Final
 from piezo_ros.bag import BagError
 from piezo_ros.cli.run import check_ros
 from piezo_ros.cli.shared.exit_codes import EXIT_DONE, EXIT_FAILED
+from piezo_ros.cli.shared.given_options import refuse_without_effect
+from piezo_ros.cli.shared.option_types import Whole
 from piezo_ros.cli.shared.outputs import OutputPath
 from piezo_ros.cli.shared.progress import Progress
 from piezo_ros.parameters.errors import CampaignError, PlanError, failure_text
@@ -43,6 +45,7 @@ examples:
   piezo learn scan.yaml --parameters rig.yaml -o learned --resume --runs 10
   piezo learn scan.yaml --parameters rig.yaml -o learned --compare
 """
+_RUNS: Final = Whole(1, 1000)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -54,7 +57,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='parameter file of the nodes, for instance of the rig or the controller; may be given '
         'several times')
     parser.add_argument(
-        '--runs', type=int, default=5, metavar='N', help='at most (default: 5)')
+        '--runs', type=_RUNS, default=5, metavar='N', help='at most (default: 5)')
     parser.add_argument(
         '--scheme', choices=('ff', 'fbff'), default='ff',
         help='fbff: beside feedback; reference_delay_samples of the controller must equal '
@@ -83,10 +86,10 @@ def _learn(options: argparse.Namespace) -> int:
     from piezo_ros.experiment.output_directory import prepare_directory, resume_directory
     from piezo_ros.experiment.planned_scan import read_planned_scan
     from piezo_ros.experiment.scan_learning import RECORD, ScanLearning
-    if options.runs < 1:
-        raise PlanError(f'--runs is {options.runs}, it must be 1 at least')
-    if options.resume and options.force:
-        raise PlanError('--resume goes on with what is in DIR, --force replaces it: give one')
+    if options.offline:
+        refuse_without_effect(options, ['composed'], 'beside --offline')
+    if options.resume:
+        refuse_without_effect(options, ['force'], 'beside --resume, which keeps what is there')
     request, plan = read_planned_scan(options.scan)
     base = _base(options.parameters)
     if 'device' in base['plant']:

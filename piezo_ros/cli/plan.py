@@ -21,6 +21,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from piezo_ros.cli.shared.exit_codes import EXIT_DONE, EXIT_FAILED, EXIT_USAGE
+from piezo_ros.cli.shared.given_options import refuse_named_option, refuse_without_effect
+from piezo_ros.cli.shared.option_types import (
+    AMPLITUDE_UM,
+    FREQUENCY_HZ,
+    OFFSET_UM,
+    SAMPLE_PERIOD_S,
+    SHARE,
+    SLEW_V_PER_S,
+    Number,
+)
 from piezo_ros.cli.shared.outputs import OutputFile
 from piezo_ros.experiment.model_file import read_bound
 from piezo_ros.experiment.motion_files import MOTION_SUFFIX
@@ -45,6 +55,12 @@ examples:
   piezo plan trajectory.yaml --compensator compensator.yaml --plant rig.yaml \\
       --motion spiral_x.csv -o spiral.yaml
 """
+_OF_SCANS: Final = (
+    'amplitude_um', 'frequency_hz', 'waveform', 'offset_um', 'turn_fraction', 'flyback_fraction',
+    'free_turn', 'band_hz', 'bound', 'uncertainty', 'ramp_periods')
+_FREE_TURN: Final = Number(0.0, 0.9)
+_UNCERTAINTY: Final = Number(0.0, 1e6)
+_RAMP_PERIODS: Final = Number(0.0, 1e3)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -59,9 +75,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--plant', type=Path, required=True, metavar='FILE',
         help='data sheet of the rig: slew limit, rails, travel')
     parser.add_argument(
-        '--amplitude-um', type=float, metavar='A', help='of a periodic scan')
+        '--amplitude-um', type=AMPLITUDE_UM, metavar='A', help='of a periodic scan')
     parser.add_argument(
-        '--frequency-hz', type=float, metavar='F', help='of a periodic scan')
+        '--frequency-hz', type=FREQUENCY_HZ, metavar='F', help='of a periodic scan')
     parser.add_argument(
         '--motion', type=Path, metavar='FILE',
         help='any motion, from 0 on, in place of a periodic scan: CSV or NPZ with reference_um')
@@ -69,23 +85,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--waveform', choices=('triangle', 'sine', 'sawtooth'), default='triangle',
         help='(default: triangle)')
     parser.add_argument(
-        '--offset-um', type=float, default=0.0, metavar='O', help='mean of the scan (default: 0)')
+        '--offset-um', type=OFFSET_UM, default=0.0, metavar='O',
+        help='mean of the scan (default: 0)')
     parser.add_argument(
-        '--turn-fraction', type=float, default=0.0, metavar='SHARE',
+        '--turn-fraction', type=SHARE, default=0.0, metavar='SHARE',
         help='share of each line of a triangle or sawtooth that is spent in parabolic turns '
         '(default: 0)')
     parser.add_argument(
-        '--flyback-fraction', type=float, default=0.1, metavar='SHARE',
+        '--flyback-fraction', type=SHARE, default=0.1, metavar='SHARE',
         help='share of the period in which a sawtooth goes back (default: 0.1)')
     parser.add_argument(
-        '--free-turn', type=float, default=0.0, metavar='SHARE',
+        '--free-turn', type=_FREE_TURN, default=0.0, metavar='SHARE',
         help='share of each line about its ends in which the error hardly counts (default: 0)')
     parser.add_argument(
-        '--band-hz', type=float, default=0.0, metavar='F',
+        '--band-hz', type=FREQUENCY_HZ, default=0.0, metavar='F',
         help='highest frequency of the voltage (default: six times the fastest pole pair, at most '
         '15 %% of the sampling frequency)')
     parser.add_argument(
-        '--average-slew-v-per-s', type=float, metavar='S',
+        '--average-slew-v-per-s', type=SLEW_V_PER_S, metavar='S',
         help='mean absolute slope that the average current of the amplifier allows (default: '
         'average_slew_limit_v_per_s of the rig)')
     uncertainty = parser.add_mutually_exclusive_group()
@@ -94,12 +111,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='what identify uncertainty wrote: narrows the band to where W(s) is at most 0.5, and '
         'tells the uncertainty of prediction and certificate')
     uncertainty.add_argument(
-        '--uncertainty', type=float, default=0.0, metavar='W',
+        '--uncertainty', type=_UNCERTAINTY, default=0.0, metavar='W',
         help='largest relative error of the model in the band, for the certificate')
     parser.add_argument(
-        '--ramp-periods', type=float, default=2.0, metavar='N', help='soft start (default: 2)')
+        '--ramp-periods', type=_RAMP_PERIODS, default=2.0, metavar='N',
+        help='soft start (default: 2)')
     parser.add_argument(
-        '--sample-period-s', type=float, default=1e-5, metavar='TS', help='(default: 1e-5)')
+        '--sample-period-s', type=SAMPLE_PERIOD_S, default=1e-5, metavar='TS',
+        help='(default: 1e-5)')
     parser.add_argument(
         '-o', '--output', type=Path, action=OutputFile, beside=(MOTION_SUFFIX,), required=True,
         metavar='FILE',
@@ -115,6 +134,7 @@ def _plan(options: argparse.Namespace) -> int:
             'piezo: what is wanted is either --amplitude-um and --frequency-hz, or --motion',
             file=sys.stderr)
         return EXIT_USAGE
+    _refuse_what_has_no_effect(options)
     try:
         plant = read_parameter_set(options.plant, 'plant', RigParameters)
         dynamics = read_parameter_set(options.model, 'trajectory', DynamicsParameters)
@@ -126,10 +146,21 @@ def _plan(options: argparse.Namespace) -> int:
     except PlanError:
         raise
     except (ValueError, OSError, ModuleNotFoundError) as error:
+        refuse_named_option(options, error)
         print(f'piezo: {failure_text(error)}', file=sys.stderr)
         return EXIT_FAILED
     print(f'scan: {", ".join(map(str, files))}')
     return EXIT_DONE
+
+
+def _refuse_what_has_no_effect(options: argparse.Namespace) -> None:
+    if options.motion is not None:
+        refuse_without_effect(options, _OF_SCANS, 'on a --motion')
+    elif options.waveform != 'sawtooth':
+        refuse_without_effect(
+            options, ['flyback_fraction'], f'on a {options.waveform}, but on a sawtooth')
+    if options.waveform == 'sine':
+        refuse_without_effect(options, ['turn_fraction'], 'on a sine')
 
 
 def _plan_scan(
@@ -143,7 +174,16 @@ def _plan_scan(
     )
     from piezo_ros.identification.tuning.linear_plant import bound_magnitude
     from piezo_ros.planning.scan import plan_for_rig, with_bound
+    nyquist_hz = 0.5 / options.sample_period_s
+    if options.band_hz and not options.frequency_hz <= options.band_hz < nyquist_hz:
+        raise PlanError(
+            f'--band-hz is {options.band_hz:g}, allowed is from --frequency-hz, '
+            f'{options.frequency_hz:g} Hz, to below the Nyquist frequency, {nyquist_hz:g} Hz')
     most_um = plant.reach_um - abs(options.offset_um)
+    if most_um <= 0.0:
+        raise PlanError(
+            f'--offset-um is {options.offset_um:g}, allowed is within {plant.reach_um:g} um to '
+            'either side, the reach of the stage')
     if not 0.0 < options.amplitude_um <= most_um:
         beside = f', beside the offset of {options.offset_um:g} um' if options.offset_um else ''
         raise ParameterError(

@@ -24,6 +24,8 @@ import numpy as np
 from piezo_ros.bag import BagError, read
 from piezo_ros.cli.shared.bag_options import add_bag_options, bag_options
 from piezo_ros.cli.shared.exit_codes import EXIT_DONE, EXIT_FAILED, EXIT_LOSS
+from piezo_ros.cli.shared.given_options import refuse_without_effect
+from piezo_ros.cli.shared.option_types import Number
 from piezo_ros.cli.shared.outputs import OutputDirectory
 from piezo_ros.control import SCHEMES, ControllerParameters
 from piezo_ros.experiment.output_directory import prepare_directory
@@ -71,9 +73,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--scheme', choices=(*SCHEMES, AUTO),
         help=f'another scheme; {AUTO}: of ff, fbff and fb the one that errs least in the replay')
-    for option, gain in (('kp', 'kP'), ('ki', 'kI, 1/s')):
+    for option, gain, most in (('kp', 'kP', 1e6), ('ki', 'kI, 1/s', 1e9)):
         parser.add_argument(
-            f'--{option}', type=float, metavar='GAIN', help=f'another gain {gain}')
+            f'--{option}', type=Number(0.0, most), metavar='GAIN', help=f'another gain {gain}')
     parser.add_argument(
         '-o', '--output', type=Path, action=OutputDirectory, metavar='DIR',
         help='directory of a page with recorded beside replayed, and their difference')
@@ -83,9 +85,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _replay(options: argparse.Namespace) -> int:
+    if options.output is None:
+        refuse_without_effect(options, ['force'], 'without -o')
     try:
         run = read(options.bag, **bag_options(options))
         result, others = _results(run, options)
+        _refuse_what_had_no_effect(result, options)
         print(_table(result))
         if others:
             print(_chosen(result, others))
@@ -105,6 +110,16 @@ def _replay(options: argparse.Namespace) -> int:
     for loss in run.lost:
         print(f'piezo: {run.path}: {loss}', file=sys.stderr)
     return EXIT_LOSS if run.lost else EXIT_DONE
+
+
+def _refuse_what_had_no_effect(result: 'ReplayResult', options: argparse.Namespace) -> None:
+    if 'dynamics' not in result.origins or result.origins['dynamics'] != 'model':
+        refuse_without_effect(
+            options, ['trajectory'], 'where the bag or --plant tells the dynamics of the rig')
+    if result.controller.scheme in ('ff', 'open_loop') and options.scheme != AUTO:
+        refuse_without_effect(
+            options, ['kp', 'ki'], f'under the scheme {result.controller.scheme}, which has no '
+            'feedback')
 
 
 def _results(

@@ -18,10 +18,12 @@ import argparse
 import os
 import sys
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from piezo_ros.bag import BagError, Recording, open_recording
 from piezo_ros.cli.shared.bag_options import add_bag_options, bag_options
+from piezo_ros.cli.shared.given_options import refuse_same_twice, refuse_without_effect
+from piezo_ros.cli.shared.option_types import AMPLITUDE_UM, FREQUENCY_HZ, Number, Whole
 from piezo_ros.cli.shared.outputs import OutputDirectory
 from piezo_ros.experiment.output_directory import prepare_directory
 from piezo_ros.parameters.errors import PlanError, failure_text
@@ -39,7 +41,12 @@ examples:
       --harmonics 9 -o out/foreign
 """
 # What a bag of ours says of itself and a foreign one does not.
-_DESCRIPTION: Final = ('scheme', 'waveform', 'amplitude_um', 'frequency_hz', 'harmonics')
+_DESCRIPTION: Final[dict[str, dict[str, Any]]] = {
+    'scheme': {}, 'waveform': {},
+    'amplitude_um': {'type': AMPLITUDE_UM}, 'frequency_hz': {'type': FREQUENCY_HZ},
+    'harmonics': {'type': Whole(0, 100_000)},
+}
+_PERIODS: Final = Number(0.0, 1e6, is_above=True)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -54,12 +61,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--force', action='store_true', help='replace an earlier output in DIR')
     parser.add_argument(
-        '--periods', type=float, default=4.0, metavar='N',
+        '--periods', type=_PERIODS, default=4.0, metavar='N',
         help='periods at the end that are scored (default: 4)')
     add_bag_options(parser)
-    for name in _DESCRIPTION:
+    for name, allowed in _DESCRIPTION.items():
         parser.add_argument(
-            f'--{name.replace("_", "-")}', metavar='VALUE',
+            f'--{name.replace("_", "-")}', metavar='VALUE', **allowed,
             help=f'{name} of bags that do not say it themselves')
     parser.set_defaults(function=_report)
 
@@ -81,6 +88,9 @@ def _report_scans(options: argparse.Namespace) -> int:
                 'apart', file=sys.stderr)
             return 2
     try:
+        refuse_without_effect(
+            options, ['periods', 'namespace', 'run', 'allow_loss', *_DESCRIPTION],
+            'on raster scans')
         scans = [scan for given in options.bags for scan in recorded_scans(given, options.output)]
         prepare_directory(options.output, force=options.force)
         report = write_raster_report(
@@ -104,6 +114,7 @@ def _report_runs(options: argparse.Namespace) -> int:
         if (value := getattr(options, name)) is not None}
     try:
         paths = [path for given in options.bags for path in _bags_below(given)]
+        refuse_same_twice(paths)
         runs: list[Recording] = []
         scored: list[ScoredRun] = []
         left_out: list[str] = []
@@ -119,6 +130,9 @@ def _report_runs(options: argparse.Namespace) -> int:
                 if len(paths) == 1:
                     raise
                 left_out.append(f'left out: {error}')
+        refuse_without_effect(
+            options, [name for name in _DESCRIPTION if all(name in run.metadata for run in runs)],
+            'where every bag tells it itself')
         if not scored:
             for line in left_out:
                 print(f'piezo: {line}', file=sys.stderr)

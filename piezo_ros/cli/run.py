@@ -23,6 +23,8 @@ from typing import TYPE_CHECKING, Final
 
 from piezo_ros.bag import BagError
 from piezo_ros.cli.shared.exit_codes import EXIT_FAILED
+from piezo_ros.cli.shared.given_options import refuse_without_effect
+from piezo_ros.cli.shared.option_types import Whole
 from piezo_ros.cli.shared.outputs import OutputDirectory
 from piezo_ros.cli.shared.progress import Progress, ShownProgress
 from piezo_ros.experiment.campaign import run_campaign
@@ -48,7 +50,7 @@ examples:
   piezo simulate config/experiments/demo.yaml -o out/offline
   piezo simulate demo -o out/offline        (the same, by its bare name)
 """
-_HIGHEST_PORT: Final = 65_535
+_PORT: Final = Whole(0, 65_535)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -63,7 +65,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--keep', action='store_true',
         help='composed, and the processes stay for all runs: for plans of many short ones')
     parser.add_argument(
-        '--namespace', default='', metavar='NS',
+        '--namespace', type=str, default='', metavar='NS',
         help='namespace of the nodes, / for the root (default: one of its own, so that several may '
         'run at once; bags have the root then)')
     parser.add_argument(
@@ -71,8 +73,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='serve a page on this machine alone that shows the run and may stop it; its address '
         'is printed')
     parser.add_argument(
-        '--live-port', type=_port, metavar='PORT',
-        help='port of that page (default: any that is free); implies --live')
+        '--live-port', type=_PORT, metavar='PORT',
+        help='port of that page (default: 0, any that is free); implies --live')
     parser.add_argument(
         '--yes', action='store_true',
         help='drive a real device without asking; needed where there is no terminal to ask on')
@@ -88,13 +90,6 @@ def add_plan_arguments(parser: argparse.ArgumentParser) -> None:
         help='output directory')
     parser.add_argument(
         '--force', action='store_true', help='replace an earlier output in DIR')
-
-
-def _port(text: str) -> int:
-    if not text.isdecimal() or int(text) > _HIGHEST_PORT:
-        raise argparse.ArgumentTypeError(
-            f'{text!r} is no port: allowed are 0, for any that is free, to {_HIGHEST_PORT}')
-    return int(text)
 
 
 def _run_live(options: argparse.Namespace) -> int:
@@ -122,6 +117,9 @@ def _run_live(options: argparse.Namespace) -> int:
             raise CampaignError(
                 f'{plan.path} has raster scans, for which --keep is not there; --composed is')
         check_ros(options.namespace)
+        if plan.study:
+            refuse_without_effect(
+                options, ['separate'], 'on a study, all runs of which are in one process')
         if any(run.hardware for run in plan.runs):
             from piezo_ros.cli.shared.drive_question import check_devices
             check_devices(

@@ -20,6 +20,8 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+from piezo_ros.cli.shared.given_options import refuse_without_effect
+from piezo_ros.cli.shared.option_types import Whole
 from piezo_ros.cli.shared.outputs import OutputPath
 from piezo_ros.cli.shared.progress import Progress
 from piezo_ros.experiment.plan.packaged_plans import plan_path
@@ -44,6 +46,7 @@ examples:
 The same command again goes on where it was interrupted. More draws in the plan are added to those
 that are done.
 """
+_WORKERS: Final = Whole(1, 1024)
 _STEPS: Final = 10  # plain lines of progress where there is no terminal
 
 
@@ -60,10 +63,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--engine', choices=('local', 'dask'), default='local',
         help='processes of this machine (default), or Dask (pip install piezo_ros[dask])')
     parser.add_argument(
-        '--workers', type=int, default=os.cpu_count() or 1, metavar='N',
+        '--workers', type=_WORKERS, default=os.cpu_count() or 1, metavar='N',
         help='worker processes (default: one for each core)')
     parser.add_argument(
-        '--scheduler', default='', metavar='ADDRESS',
+        '--scheduler', type=str, default='', metavar='ADDRESS',
         help='a Dask cluster that is there already; its workers must see DIR by the same path')
     parser.add_argument(
         '--scores-only', action='store_true',
@@ -83,12 +86,13 @@ def _sweep(options: argparse.Namespace) -> int:
     from piezo_ros.experiment.sweep.work import SweepWork
     progress = _SweepProgress()
     try:
-        if options.workers < 1:
-            raise PlanError(f'--workers is {options.workers}, it must be at least 1')
         if options.bags and options.scores_only:
             raise PlanError('--bags keeps the bag of every run, --scores-only keeps none')
         if options.scheduler and options.engine != 'dask':
             raise PlanError('--scheduler needs --engine dask')
+        if options.scheduler:
+            refuse_without_effect(
+                options, ['workers'], 'beside --scheduler, which has workers already')
         engine = _engine(options)
         whole = read_plan(options.plan)
         plan = read_sweep(whole)

@@ -22,6 +22,18 @@ from typing import TYPE_CHECKING, Any, Final
 
 from piezo_ros import paper
 from piezo_ros.cli.shared.exit_codes import EXIT_FAILED, EXIT_POOR
+from piezo_ros.cli.shared.given_options import refuse_named_option, refuse_without_effect
+from piezo_ros.cli.shared.option_types import (
+    AMPLITUDE_UM,
+    DELAY_SAMPLES,
+    FREQUENCY_HZ,
+    OFFSET_UM,
+    SAMPLE_PERIOD_S,
+    SHARE,
+    Number,
+    NumberOrWord,
+    Whole,
+)
 from piezo_ros.cli.shared.outputs import OutputDirectory, OutputFile
 from piezo_ros.cli.shared.progress import working
 from piezo_ros.control import TrajectoryParameters
@@ -56,6 +68,12 @@ examples:
   piezo tune model.yaml --lead --objective feedback_band --max-sensitivity 1.6 -o controller.yaml
   piezo tune slow_stage.yaml --sample-period-s 1e-4 --no-operating-points -o controller.yaml
 """
+_ABOVE_ONE: Final = Number(1.0, 1e6, is_above=True)
+_ABOVE_ZERO: Final = Number(0.0, 1e6, is_above=True)
+_HARMONICS: Final = NumberOrWord(Whole(1, 1000), AUTO)
+_OF_POINTS: Final = (
+    'compensator', 'plant', 'waveform', 'offset_um', 'turn_fraction', 'amplitudes_um',
+    'frequencies_hz', 'harmonics')
 _USUAL_PERIOD_S: Final = 1e-5
 _GAINS: Final = (
     ('kP', 'proportional_gain', ''),
@@ -98,17 +116,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--lead', action='store_true', help='tune a lead section as well')
     parser.add_argument(
-        '--lead-ratio', type=float, default=10.0, metavar='R',
+        '--lead-ratio', type=_ABOVE_ONE, default=10.0, metavar='R',
         help='pole over zero of the lead, by which it amplifies noise (default: 10)')
     parser.add_argument(
-        '--max-sensitivity', type=float, default=2.0, metavar='M', help='limit on |S| (default: 2)')
+        '--max-sensitivity', type=_ABOVE_ONE, default=2.0, metavar='M',
+        help='limit on |S| (default: 2)')
     parser.add_argument(
-        '--uncertainty-limit', type=float, default=1.0, metavar='L',
+        '--uncertainty-limit', type=_ABOVE_ZERO, default=1.0, metavar='L',
         help='limit on |W T| (default: 1)')
     parser.add_argument(
-        '--measurement-delay-samples', type=int, default=1, metavar='D', help='(default: 1)')
+        '--measurement-delay-samples', type=DELAY_SAMPLES, default=1, metavar='D',
+        help='(default: 1)')
     parser.add_argument(
-        '--sample-period-s', type=float, metavar='TS',
+        '--sample-period-s', type=SAMPLE_PERIOD_S, metavar='TS',
         help='(default: that of the record of MODEL, where it tells one; else 1e-5)')
     parser.add_argument(
         '--accept-poor', action='store_true',
@@ -129,19 +149,19 @@ def _add_operating_points(parser: argparse.ArgumentParser) -> None:
         help='data sheet of the rig: rails, slew limit, travel (default: that of the paper)')
     group.add_argument(
         '--waveform', choices=PERIODIC, default='triangle', help='(default: triangle)')
-    for name, unit, what in (
-            ('offset-um', 'Y', 'mean of the waveform'),
-            ('turn-fraction', 'SHARE', 'share of its lines that is spent in turns')):
+    for name, allowed, unit, what in (
+            ('offset-um', OFFSET_UM, 'Y', 'mean of the waveform'),
+            ('turn-fraction', SHARE, 'SHARE', 'share of its lines that is spent in turns')):
         parser.add_argument(
-            f'--{name}', type=float, metavar=unit, help=f'{what} (default: as in MODEL, else 0)')
+            f'--{name}', type=allowed, metavar=unit, help=f'{what} (default: as in MODEL, else 0)')
     group.add_argument(
-        '--amplitudes-um', type=float, nargs='+', metavar='A',
+        '--amplitudes-um', type=AMPLITUDE_UM, action='extend', nargs='+', metavar='A',
         help='peak amplitudes (default: 1/12 … 5/12 of the reach)')
     group.add_argument(
-        '--frequencies-hz', type=float, nargs='+', metavar='F',
+        '--frequencies-hz', type=FREQUENCY_HZ, action='extend', nargs='+', metavar='F',
         help='frequencies (default: about the feedback-acceptable one)')
     group.add_argument(
-        '--harmonics', default=AUTO, metavar='M',
+        '--harmonics', type=_HARMONICS, default=AUTO, metavar='M',
         help="of the feedforward, a number or 'auto' (default: auto)")
     group.add_argument(
         '--no-operating-points', action='store_true', help='tune the gains, nothing else')
@@ -153,7 +173,7 @@ def _tune(options: argparse.Namespace) -> int:
     from piezo_ros.identification.tuning.lead_tuning import tune_pi_with_lead
     from piezo_ros.identification.tuning.loop_shape import loop_shape
     from piezo_ros.identification.tuning.pi_tuning import tune_pi
-    _check_numbers(options)
+    _refuse_what_has_no_effect(options)
     try:
         poor = _poor_models(options)
         if poor:
@@ -161,6 +181,10 @@ def _tune(options: argparse.Namespace) -> int:
             return EXIT_POOR
         _choose_sample_period(options)
         model = read_dynamics(options.model)
+        if not isinstance(model, LinearDynamics):
+            refuse_without_effect(
+                options, _OF_POINTS, f'where {options.model} is a rational model, of which no '
+                'operating points are predicted')
         evidence = read_evidence(
             options.model, model, options.sample_period_s, trust_band=not options.accept_poor)
         bound = _bound(options.bound)
@@ -196,6 +220,7 @@ def _tune(options: argparse.Namespace) -> int:
     except PlanError:
         raise
     except (ValueError, OSError) as error:
+        refuse_named_option(options, error)
         print(f'piezo: {failure_text(error)}', file=sys.stderr)
         return EXIT_FAILED
     print(
@@ -221,6 +246,16 @@ def _tune(options: argparse.Namespace) -> int:
     return 0
 
 
+def _refuse_what_has_no_effect(options: argparse.Namespace) -> None:
+    from piezo_ros.cli.shared.operating_points import NO_BOUND
+    if not options.lead:
+        refuse_without_effect(options, ['lead_ratio'], 'without --lead')
+    if options.bound == NO_BOUND:
+        refuse_without_effect(options, ['uncertainty_limit'], 'beside --bound none')
+    if options.no_operating_points:
+        refuse_without_effect(options, _OF_POINTS, 'beside --no-operating-points')
+
+
 def _poor_models(options: argparse.Namespace) -> str:
     """Return which model is not to be trusted, '' for none."""
     if options.accept_poor:
@@ -230,21 +265,6 @@ def _poor_models(options: argparse.Namespace) -> str:
         if verdict:
             return f'{path}: {verdict}'
     return ''
-
-
-def _check_numbers(options: argparse.Namespace) -> None:
-    """Refuse limits that no loop can keep."""
-    for name, least in (
-            ('max_sensitivity', 1.0), ('uncertainty_limit', 0.0), ('lead_ratio', 1.0),
-            ('sample_period_s', 0.0)):
-        value = getattr(options, name)
-        if value is not None and not least < value < math.inf:
-            raise PlanError(
-                f'--{name.replace("_", "-")} is {value:g}, allowed is a number above {least:g}')
-    if options.measurement_delay_samples < 0:
-        raise PlanError(
-            f'--measurement-delay-samples is {options.measurement_delay_samples}, allowed is 0 '
-            'and more')
 
 
 def _choose_sample_period(options: argparse.Namespace) -> None:

@@ -47,7 +47,7 @@ def wait_for(condition: Callable[[], bool], timeout_s: float) -> bool:
     """Return whether a condition came true in time."""
     deadline = time.monotonic() + timeout_s
     while not condition():
-        if time.monotonic() > deadline:
+        if not time.monotonic() <= deadline:  # nor where a time is no number
             return False
         time.sleep(_POLL_S)
     return True

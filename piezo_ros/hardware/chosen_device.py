@@ -14,14 +14,17 @@
 
 """The device that a parameter chooses: one of the package, or one of your own as MODULE:CLASS."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from importlib import import_module
-from typing import Any
+from typing import Any, Final
 
-from piezo_ros.hardware.device import Device, Refused
+from piezo_ros.hardware.device import Device, DeviceError, Refused
 from piezo_ros.hardware.opening import DEVICE_KINDS, device_parameters, open_device
+from piezo_ros.model.parameters import ParameterError
 
 __all__ = ['choose_device', 'own_values']
+
+_NEEDED: Final = ('constraints', 'open', 'hold', 'reading', 'ramp_to', 'play', 'close')
 
 
 def own_values(device: str, values: Mapping[str, Any]) -> dict[str, Any]:
@@ -66,9 +69,29 @@ def choose_device(device: str, values: Mapping[str, Any]) -> Device:
     module_name, _, class_name = device.partition(':')
     try:
         make = getattr(import_module(module_name), class_name)
-    except (AttributeError, ImportError) as error:
+    except (AttributeError, ImportError, SyntaxError, ValueError) as error:
         raise Refused(
             f'device is {device}: {error}; the module must be in the Python path, and have a '
             f'class {class_name}') from None
-    made: Device = make(values)
+    if not callable(make):
+        raise Refused(f'device is {device}: {class_name} is a {type(make).__name__}, no class')
+    return _made(device, make, values)
+
+
+def _made(
+    device: str, make: Callable[[Mapping[str, Any]], Device], values: Mapping[str, Any],
+) -> Device:
+    try:
+        made = make(values)
+        missing = [name for name in _NEEDED if not hasattr(made, name)]
+    except (DeviceError, ParameterError):
+        raise
+    except Exception as error:  # of code that is not of this package
+        raise Refused(
+            f'device is {device}, which cannot be made of the parameters: '
+            f'{type(error).__name__}: {error}') from error
+    if missing:
+        raise Refused(
+            f'device is {device}, which is no device: it has no {", ".join(missing)}; see '
+            'piezo_ros.hardware.device.Device')
     return made

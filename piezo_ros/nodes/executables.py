@@ -25,6 +25,7 @@ from piezo_ros.interruption import leave_closed_terminal, set_stop_handler
 from piezo_ros.matrix_threads import use_one_thread
 from piezo_ros.resource_limits import GRAPH_BYTES, memory_problem
 from piezo_ros.runtime.process.parent import PARENT_VARIABLE
+from piezo_ros.suggestions import did_you_mean
 
 if TYPE_CHECKING:
     from piezo_ros.control import ControlLaw
@@ -187,7 +188,11 @@ def stamped() -> int:
 
 
 if __name__ == '__main__':
-    name = sys.argv.pop(1)
-    if name == 'stamped':
-        sys.exit(stamped())
-    sys.exit(_run(*_LOOP) if name == 'loop' else _run(name))
+    name, known = ''.join(sys.argv[1:2]), {each.__name__: each for each in (
+        plant, hardware_plant, compensator, controller, trajectory, recorder, loop, stamped)}
+    del sys.argv[1:2]
+    if name not in known:
+        print(
+            f'{name!r} is no executable of this module; there are {", ".join(known)}'
+            f'{did_you_mean(name, known)}', file=sys.stderr)
+    sys.exit(known[name]() if name in known else 2)

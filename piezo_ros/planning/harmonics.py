@@ -54,7 +54,12 @@ def repeating_samples(frequency_hz: float, sample_period_s: float) -> int:
 
     """
     samples = 1.0 / (frequency_hz * sample_period_s)
-    for periods in range(1, max(math.floor(_MOST_SAMPLES / samples), 1) + 1):
+    if samples > _MOST_SAMPLES:
+        raise ValueError(
+            f'frequency_hz is {frequency_hz:g}: at a sample period of {sample_period_s:g} s a '
+            f'period has {samples:.6g} samples, allowed are {_MOST_SAMPLES}; take a longer sample '
+            f'period, or at least {1.0 / (_MOST_SAMPLES * sample_period_s):g} Hz')
+    for periods in range(1, math.floor(_MOST_SAMPLES / samples) + 1):
         whole = round(periods * samples)
         if abs(periods * samples - whole) < 1e-7 * whole:
             return whole

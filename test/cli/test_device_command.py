@@ -86,12 +86,46 @@ def test_two_points_give_the_scale_and_offset_of_the_sensor(stage, capsys):
     (['--at-v', '3', '12', '--um', '4', '8'], 2, '--at-v is 12.0 V, allowed is -2 … 10 V'),
     (['--at-v', '3', '7', '--um', '4', '4'], 2, 'two different points are needed'),
     (['--at-v', '3', '7'], 2, 'give --um LOW HIGH'),
-    (['--at-v', '3', '7', '--um', 'nan', '8'], 2, 'must be finite'),
-    (['--at-v', '3', '7', '--um', '4', '8', '--slew-v-per-s', '0'], 2, '--slew-v-per-s is 0.0'),
 ])
 def test_a_calibration_that_tells_nothing_is_refused(stage, capsys, words, code, said):
     assert main(['device', 'calibrate', stage(), '--sample-period-s', '1e-3', *words]) == code
     assert said in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(('words', 'said'), [
+    (['--um', 'nan', '8'], "--um is 'nan', allowed is a number, -1e+06 … 1e+06 um"),
+    (['--um', '4', '8', '--slew-v-per-s', '0'], '--slew-v-per-s is 0, allowed is a number above 0'),
+])
+def test_numbers_of_a_calibration_are_checked_before_the_device_is_opened(
+        stage, capsys, words, said):
+    with pytest.raises(SystemExit, match='^2$'):
+        main(['device', 'calibrate', stage(), '--at-v', '3', '7', *words])
+    assert said in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(('device', 'said'), [
+    ('os:path', 'path is a module, no class'),
+    ('os:getcwd', 'which cannot be made of the parameters: TypeError'),
+    ('builtins:dict', 'which is no device: it has no constraints, open, hold'),
+    ('no_such_module:Stage', "No module named 'no_such_module'"),
+    ('os:Stage', "has no attribute 'Stage'"),
+])
+@pytest.mark.parametrize('command', [
+    ['check', 'device', '--yes', '--parameters'], ['device', 'loopback', '--yes']])
+def test_a_name_that_is_no_device_is_refused(stage, capsys, command, device, said):
+    assert main([*command, stage(f"'{device}'")]) == 1
+    told = capsys.readouterr().err
+    assert f'device is {device}' in told
+    assert said in told
+
+
+@pytest.mark.parametrize('words', [
+    ['--amplitude', '0'], ['--amplitude', 'nan'], ['--sample-period-s', '0'],
+    ['--discovery-s', 'nan']])
+def test_a_check_with_a_number_that_is_none_is_a_usage_error(stage, capsys, words):
+    with pytest.raises(SystemExit, match='^2$'):
+        main(['check', 'device', '--parameters', stage(), *words])
+    assert f'{words[0]} is ' in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(('device', 'more', 'said'), [

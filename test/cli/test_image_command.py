@@ -90,8 +90,6 @@ def test_two_bags_make_an_image(bags, capsys, tmp_path):
     (['y', 'x'], 1, 'goes to and fro on each line'),
     (['x'], 2, 'one bag holds both axes only if --namespaces tells them apart'),
     (['x', 'none'], 1, 'none'),
-    (['x', 'y', '--pixels', '1'], 1, 'pixels is 1'),
-    (['x', 'y', '--central', '2'], 1, 'central is 2.0, allowed is above 0 … 1'),
     (['x', 'y', '--namespaces', '/a', '/b'], 1, '/a'),
 ])
 def test_what_makes_no_image_is_said_in_a_line(bags, arguments, code, problem, capsys):

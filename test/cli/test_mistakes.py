@@ -148,10 +148,15 @@ COMMANDS = [
     ('simulate plan.yaml -o rig.yaml', 2, ['rig.yaml exists; --force replaces it']),
     ('simulate plan.yaml -o there --force', 2, ['there exists and is no earlier output']),
     ('simulate plan.yaml -o .', 2, ['lies in the output directory .']),
+    ('sweep plan.yaml -o out --workers 0', 2, ['--workers is 0, allowed is a whole number, 1 …']),
+    ('image bag bag -o out --pixels 1', 2, ['--pixels is 1, allowed is a whole number, 2 …']),
+    ('image bag bag -o out --central 2', 2, ['--central is 2, allowed is a number above 0']),
+    ('replay bag --ki -5', 2, ['--ki is -5, allowed is a number, 0 …']),
     ('sweep plan.yaml -o out', 2, ['plan.yaml has no key sweep']),
     ('bag inf bag', 2, ["invalid choice: 'inf'", "did you mean 'info'?"]),
     ('bag info no_bag', 1, ['there is no bag no_bag']),
-    ('bag info bag --run first', 2, ["argument --run: invalid int value: 'first'"]),
+    ('bag info bag --run first', 2, [
+        "--run is 'first', allowed is a whole number, 1 … 1000000"]),
     ('bag info bag --namespace /other', 1, [
         'no stream in the namespace /other, choices are /']),
     ('bag export bag -o there', 2, ["-o there ends in 'no suffix', allowed are .csv, .mat,"]),
@@ -170,7 +175,8 @@ COMMANDS = [
     ('report bag -o out --periods 99', 1, ['99 periods of 300 Hz are', '1 to 500 can be taken']),
     ('report bag -o there --periods 1', 2, ['there exists; --force replaces it']),
     ('calibrate -o rig.yaml', 2, ['rig.yaml exists; --force replaces it']),
-    ('calibrate -o new.yaml --generations 0', 2, ['--generations must be at least 1']),
+    ('calibrate -o new.yaml --generations 0', 2, [
+        '--generations is 0, allowed is a whole number, 1 … 100000']),
     ('calibrate -o rig.yaml/x.yaml', 2, ['rig.yaml is no directory']),
 ]
 
@@ -183,15 +189,17 @@ SLOW_COMMANDS = [
     ('tune trajectory.yaml -o out.yaml --max-sensitivity 0.5', 2, [
         '--max-sensitivity is 0.5, allowed is a number above 1']),
     ('tune trajectory.yaml -o out.yaml --sample-period-s 0', 2, [
-        '--sample-period-s is 0, allowed is a number above 0']),
+        '--sample-period-s is 0, allowed is a number, 1e-09 … 1000 s']),
     ('tune trajectory.yaml -o out.yaml --measurement-delay-samples -1', 2, [
-        '--measurement-delay-samples is -1, allowed is 0 and more']),
+        '--measurement-delay-samples is -1, allowed is a whole number, 0 … 1000']),
     ('tune trajectory.yaml -o out.yaml --harmonics many', 2, [
-        "--harmonics is 'many', allowed is a number or 'auto'"]),
+        "--harmonics is 'many', allowed is a whole number, 1 … 1000, or 'auto'"]),
     ('tune trajectory.yaml -o out.yaml --amplitudes-um 7', 2, [
         '--amplitudes-um has 7, allowed is above 0 … 6 um']),
     ('tune trajectory.yaml -o out.yaml --frequencies-hz 60000', 2, [
         '--frequencies-hz has 60000, allowed is above 0 and below 50000 Hz']),
+    ('tune trajectory.yaml -o out.yaml --frequencies-hz 1e-6', 2, [
+        '--frequencies-hz has 1e-06, of which a period has 1e+11 samples, allowed are 500000']),
     ('tune trajectory.yaml -o out.yaml --waveform triangel', 2, ["did you mean 'triangle'?"]),
     ('tune trajectory.yaml -o out.yaml --amplitude-um 1', 2, ["did you mean '--amplitudes-um'?"]),
     ('tune trajectory.yaml -o out.yaml --bound rig.yaml', 2, ['rig.yaml is no uncertainty_bound']),
@@ -201,7 +209,7 @@ SLOW_COMMANDS = [
     ('replay bag --scheme pid', 2, ["argument --scheme: invalid choice: 'pid'"]),
     ('identify hysteresi bag -o m.yaml', 2, ["did you mean 'hysteresis'?"]),
     ('identify hysteresis bag -o m.yaml --elements many', 2, [
-        "--elements is 'many', allowed is a number or 'auto'"]),
+        "--elements is 'many', allowed is a whole number, 1 … 1000, or 'auto'"]),
     ('identify hysteresis bag -o rig.yaml/m.yaml', 2, ['rig.yaml is no directory']),
     ('identify hysteresis bag -o there', 2, ['-o there is a directory, it must be a file']),
     ('identify hysteresis no_bag -o m.yaml', 1, ['there is no bag no_bag']),

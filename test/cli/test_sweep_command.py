@@ -57,7 +57,8 @@ def test_failed_runs_are_told_at_the_end(plan, tmp_path, capsys):
 
 
 @pytest.mark.parametrize(('arguments', 'message'), [
-    (['--workers', '0'], '--workers is 0'),
+    (['--scheduler', 'tcp://localhost:1', '--engine', 'dask', '--workers', '2'], (
+        '--workers has no effect beside --scheduler')),
     (['--scheduler', 'tcp://localhost:1'], '--scheduler needs --engine dask'),
 ])
 def test_wrong_options_are_refused(plan, tmp_path, arguments, message, capsys):

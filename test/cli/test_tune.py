@@ -149,16 +149,11 @@ def test_gains_are_not_overwritten_unasked(model, tune, output):
     assert 'proportional_gain' in output.read_text()
 
 
-@pytest.mark.parametrize(('options', 'expected', 'complaint'), [
-    (('--max-sensitivity', 0.9), 2, '--max-sensitivity is 0.9, allowed is a number above 1'),
-    (('--uncertainty-limit', 0.01), 1, 'no gains, however small, are within the limits'),
-    (('--sample-period-s', -1), 2, '--sample-period-s is -1, allowed is a number above 0')])
-def test_limits_that_cannot_be_met_fail_in_words(
-        model, tune, output, options, expected, complaint):
-    code, _, err = tune(model, *options)
-    assert code == expected
+def test_limits_that_cannot_be_met_fail_in_words(model, tune, output):
+    code, _, err = tune(model, '--uncertainty-limit', 0.01)
+    assert code == 1
     assert err.startswith('piezo: ')
-    assert complaint in err
+    assert 'no gains, however small, are within the limits' in err
     assert not output.exists()
 
 
@@ -232,7 +227,6 @@ def test_an_uncertainty_that_is_not_known_may_be_left_out(model, tune):
 
 @pytest.mark.parametrize(('options', 'complaint'), [
     (('--amplitudes-um', 7), r'--amplitudes-um has 7, allowed is above 0 … 6 um'),
-    (('--harmonics', 'many'), "--harmonics is 'many', allowed is a number or 'auto'"),
     (('--plant', 'no.yaml'), 'no.yaml')])
 def test_operating_points_that_cannot_be_are_refused(model, tune, output, options, complaint):
     code, _, err = tune(model, points=options)

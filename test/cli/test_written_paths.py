@@ -257,7 +257,7 @@ def test_learning_goes_on_only_with_an_earlier_output(told, here):
     assert told(f'{SCAN} -o scan.yaml --force') == (0, '')
     refused(told, here, f'{learn} -o mine', 'mine exists and is no earlier output')
     refused(told, here, f'{learn} -o out', 'out exists; --force replaces it')
-    refused(told, here, f'{learn} -o out --force', '--resume goes on with what is in DIR')
+    refused(told, here, f'{learn} -o out --force', '--resume')
     (here / 'out/learning.json').write_text('{')
     before = content(here)
     code, err = told(f'{learn} -o out')

@@ -58,3 +58,19 @@ def test_help_may_be_cut_off():
     process.stdout.close()
     assert process.stderr.read() == b''
     assert process.wait() == 0
+
+
+@pytest.mark.parametrize(('words', 'said'), [
+    (['plnat'], "'plnat' is no executable of this module; there are plant, hardware_plant,"),
+    (['plnat'], "did you mean 'plant'?"),
+    (['learner'], "'learner' is no executable of this module"),
+    (['usage', '--help'], "'usage' is no executable of this module"),
+    ([], "'' is no executable of this module"),
+])
+def test_an_executable_that_is_none_is_refused(words, said):
+    done = subprocess.run(
+        [sys.executable, '-m', 'piezo_ros.nodes.executables', *words], capture_output=True,
+        text=True, check=False)
+    assert done.returncode == 2
+    assert said in done.stderr
+    assert len(done.stderr.splitlines()) == 1

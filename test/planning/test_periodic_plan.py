@@ -234,3 +234,8 @@ def test_a_band_below_the_scan_is_refused():
     with pytest.raises(ValueError, match='band_hz is 400: it must be at least frequency_hz, 500'):
         plan_periodic(
             stage_of(RIG, samples), triangle(1.0, 500.0, samples), 500.0, PERIOD_S, band_hz=400.0)
+
+
+def test_a_period_of_too_many_samples_is_refused_before_it_is_made():
+    with pytest.raises(ValueError, match='a period has 1e[+]11 samples, allowed are 20000'):
+        repeating_samples(1e-6, PERIOD_S)

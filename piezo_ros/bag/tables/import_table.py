@@ -204,8 +204,8 @@ def import_table(path: Path, output: Path, choice: ImportChoice) -> ImportedBag:
         zero = _zero(table, name, rows, source, choice, notes)
         if name in choice.zeros:
             record[f'import.{name}'] += f', zero {zero:.17g}'
-        samples = base.values((rows[name] * source.factor - zero) * choice.scales.get(name, 1.0))
-        streams[name] = samples
+        streams[name] = base.values(
+            _scaled(table, source, rows[name], first_row, zero, choice.scales.get(name, 1.0)))
     _write(output, streams, base.sample_period_s, record)
     return ImportedBag(
         output, base.samples, base.sample_period_s,
@@ -295,12 +295,17 @@ def _check_lengths(
 
 def _part(table: Table, time_s: _Floats, choice: ImportChoice) -> tuple[int, int]:
     """Return the first row to take, and one past the last."""
+    if not np.isfinite(time_s).any():
+        raise TableError(f'{table.path}: no row has a time that is a number')
     kept = np.flatnonzero((time_s >= choice.from_s) & (time_s < choice.to_s))
     if not kept.size:
         raise PlanError(
             f'{table.path} has no row from --from-s {choice.from_s:g} to --to-s {choice.to_s:g}, '
             f'it lasts from {np.nanmin(time_s):g} s to {np.nanmax(time_s):g} s')
-    return int(kept[0]), int(kept[-1]) + 1
+    # A row without a time is left out only where rows are.
+    return (
+        0 if choice.from_s == -np.inf else int(kept[0]),
+        time_s.size if choice.to_s == np.inf else int(kept[-1]) + 1)
 
 
 def _told_base(
@@ -378,6 +383,21 @@ def _zero(
         f'{name}: zero is {mean:.6g} {unit}, the mean of {values.size} rows before the voltage '
         f'moves (standard deviation {np.std(values):.3g} {unit})')
     return mean
+
+
+def _scaled(
+    table: Table, source: _Source, values: _Floats, first_row: int, zero: float, scale: float,
+) -> _Floats:
+    """Return values in the unit of the stream, which a wrong unit or scale may take too far."""
+    with np.errstate(over='ignore'):  # refused with the row
+        scaled = (values * source.factor - zero) * scale
+    beyond = np.flatnonzero(np.isinf(scaled))
+    if beyond.size:
+        raise TableError(
+            f'{table.path}: {table.place(first_row + int(beyond[0]))} of the column '
+            f'{source.column.name!r} is {values[beyond[0]]:g}, which is beyond all numbers in its '
+            'unit and with its scale')
+    return np.asarray(scaled)
 
 
 def _record(

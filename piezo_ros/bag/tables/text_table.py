@@ -40,6 +40,9 @@ _DELIMITERS: Final = (';', '\t', ',', None)  # None: blanks
 _COMMENTS: Final = ('#', '%')
 _UNIT: Final = re.compile(r'\s*[\[(]?\s*([A-Za-zµμÅ%°]+(?:/[A-Za-z]+)?)\s*[\])]?\s*')
 _NOT_MEASURED: Final = ('', 'nan', '-nan', 'na', 'n/a', '--', '-')
+_DECIMAL_POINT: Final = re.compile(r'\s*[-+]?\d*\.\d+([eE][-+]?\d+)?\s*')
+_FRACTION: Final = re.compile(r'0\d+([eE][-+]?\d+)?\s*')
+_OTHER_DELIMITER: Final = re.compile(r'.*\d\s*[;\t]\s*[-+.\d]')  # between two numbers
 _DECIMAL_COMMA: Final = re.compile(r'\s*[-+]?\d*,\d+([eE][-+]?\d+)?\s*')
 
 
@@ -114,6 +117,8 @@ def _number(cell: str, decimal_comma: bool) -> float | None:
     text = cell.strip().strip('"')
     if text.lower() in _NOT_MEASURED:
         return float('nan')
+    if decimal_comma and '.' in text:
+        return None  # of thousands: 1.234 would be read as a number a thousand times smaller
     try:
         return float(text.replace(',', '.') if decimal_comma else text)
     except ValueError:
@@ -125,12 +130,11 @@ def _form(path: Path, lines: Sequence[str]) -> _Form:
     probe = lines[:_PROBED_LINES]
     forms = [
         form for delimiter in _DELIMITERS for decimal_comma in (False, True)
-        if not (decimal_comma and delimiter == ',')
         if (form := _form_by(probe, delimiter, decimal_comma))]
     if not forms:
         raise TableError(
             f'{path} has no table: no lines with numbers by comma, semicolon, tab or blanks')
-    form = max(forms, key=lambda each: len(each.numeric))
+    form = max(forms, key=lambda each: (len(each.numeric), len(each.numeric) == each.fields))
     for number, line in enumerate(probe[:form.start], start=1):
         cells = _split(line, form.delimiter)
         if len(cells) == form.fields and all(
@@ -139,7 +143,32 @@ def _form(path: Path, lines: Sequence[str]) -> _Form:
             raise TableError(
                 f'{path}: line {number} is a row of the table as well, and what stands between it '
                 f'and line {form.start + 1} is none; import one table at a time')
+    _refuse_unclear_decimals(path, probe, form)
     return form
+
+
+def _refuse_unclear_decimals(path: Path, probe: Sequence[str], form: _Form) -> None:
+    """Refuse a table of which commas or points may be decimal ones, or something else."""
+    rows = [_split(line, form.delimiter) for line in probe[form.start:] if line.strip()]
+    cells = [cell for row in rows for cell in row]
+    point = next((cell for cell in cells if _DECIMAL_POINT.fullmatch(cell)), None)
+    if form.delimiter != ',':
+        comma = next((cell for cell in cells if _DECIMAL_COMMA.fullmatch(cell)), None)
+        if comma and point:
+            raise TableError(
+                f'{path} has numbers with a comma, {comma.strip()!r}, and with a point, '
+                f'{point.strip()!r}: which of them is the decimal one is not known')
+        return
+    above = [line for line in probe[:form.start] if line.strip()]
+    names = len(_split(above[-1], ',')) if above else 0
+    # 0,05 has the part 05, which is no whole number as people write it.
+    is_fraction = not above and any(_FRACTION.fullmatch(cell) for row in rows for cell in row[1:])
+    if point is None and not form.decimal_comma and (
+            is_fraction or 0 < names < form.fields <= 2 * names):
+        raise TableError(
+            f'{path}: line {form.start + 1} has {form.fields} whole numbers, or fewer with decimal '
+            'commas, and commas between them: which of these is meant is not known; write it with '
+            'decimal points, or with semicolons')
 
 
 def _form_by(probe: Sequence[str], delimiter: str | None, decimal_comma: bool) -> _Form | None:
@@ -150,6 +179,8 @@ def _form_by(probe: Sequence[str], delimiter: str | None, decimal_comma: bool) -
     while last >= 0 and not _numbers(rows[last], decimal_comma):
         last -= 1
     if last < 0:
+        return None
+    if delimiter == ',' and any(map(_OTHER_DELIMITER.match, rows[last])):
         return None
     if decimal_comma and not any(_DECIMAL_COMMA.fullmatch(cell) for cell in rows[last]):
         return None

@@ -35,6 +35,9 @@ _EVEN_SHARE: Final = 0.1  # of the period, by which a time may be off
 _ROUNDED_SHARE: Final = 0.5
 _MISSING: Final = 1.75  # periods between two rows, from which one in between is missing
 _LONGEST_GAP: Final = 3.0  # periods, over which is interpolated
+_MOST_OF_A_ROW: Final = 1000  # samples that are interpolated
+_SHORTEST_S: Final = 1e-9  # sample period that the nodes have
+_LONGEST_S: Final = 1e3
 _CLOSE: Final = 1e-6  # relative difference of two periods that are the same
 _MOST_DIGITS: Final = 12
 # Frequency, as a share of the sampling rate, from which linear interpolation takes over 5 %.
@@ -102,7 +105,8 @@ def time_base(
     ------
     TableError
         If a time is not finite or not later than the one before, if the rows are not evenly
-        spaced and must be, or if a gap is too long to interpolate in it.
+        spaced and must be, if a gap is too long to interpolate in it, or if the sample period is
+        none that the nodes have, or makes more samples than the rows can tell.
 
     """
     if time_s.size < 2:
@@ -111,6 +115,10 @@ def time_base(
     if bad.size:
         raise TableError(
             f'{name}: the time in {place(int(bad[0]))} is {time_s[bad[0]]}, it must be a number')
+    if not time_s[-1] > time_s[0]:
+        raise TableError(
+            f'{name}: the time does not rise: it is {time_s[0]:.12g} s in {place(0)} and '
+            f'{time_s[-1]:.12g} s in {place(time_s.size - 1)}')
     steps = np.diff(time_s)
     back = np.flatnonzero(steps <= 0.0)
     rounded_s = _coarse_step(time_s)
@@ -121,6 +129,11 @@ def time_base(
             f'{time_s[row - 1]:.12g} s; it must rise from row to row')
     first_s = float(time_s[0])
     at_s = time_s - first_s
+    mean_s = float(at_s[-1]) / (time_s.size - 1)
+    if not _SHORTEST_S <= mean_s <= _LONGEST_S:
+        raise TableError(
+            f'{name}: the time goes on by {mean_s:g} s from row to row, allowed is '
+            f'{_SHORTEST_S:g} … {_LONGEST_S:g} s; is its unit right?')
     if resample:
         return _resampled(name, at_s, first_s, steps, place, sample_period_s)
     period_s = _even_period(name, at_s, steps, place, rounded_s)
@@ -201,6 +214,10 @@ def _resampled(
             '(--from-s, --to-s)')
     period_s = sample_period_s or _roundest(median_s, 1e-3 * median_s)
     samples = math.floor(float(at_s[-1]) / period_s + 1e-9) + 1
+    if samples > _MOST_OF_A_ROW * at_s.size:
+        raise TableError(
+            f'{name}: the sample period of {period_s:g} s makes {samples} samples of {at_s.size} '
+            f'rows, allowed are {_MOST_OF_A_ROW} samples of a row')
     if samples < 2:
         raise TableError(
             f'{name} lasts {at_s[-1]:.6g} s, which is less than a sample period of {period_s:g} s')

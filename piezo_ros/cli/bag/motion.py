@@ -22,6 +22,7 @@ from typing import Any, Final
 from piezo_ros.bag import STREAMS, BagError, open_recording
 from piezo_ros.cli.bag.outcome import add_output, guarded
 from piezo_ros.cli.shared.bag_options import add_bag_options, bag_options
+from piezo_ros.cli.shared.option_types import TIME_S
 from piezo_ros.control.tables.motion_table import (
     MotionTable,
     MotionTableError,
@@ -49,11 +50,11 @@ def add_actions(kinds: Any) -> None:
         '--command', choices=_IN_UM, metavar='STREAM',
         help='stream that is its command, which the scheme ff sends (default: none)')
     motion.add_argument(
-        '--from-s', type=float, default=0.0, metavar='T', help='begin at this simulated time')
+        '--from-s', type=TIME_S, default=0.0, metavar='T', help='begin at this simulated time')
     motion.add_argument(
-        '--to-s', type=float, default=math.inf, metavar='T', help='end before this simulated time')
+        '--to-s', type=TIME_S, default=math.inf, metavar='T', help='end before this simulated time')
     motion.add_argument(
-        '--repeat-from-s', type=float, metavar='T',
+        '--repeat-from-s', type=TIME_S, metavar='T',
         help='repeat for ever what is from this simulated time on (default: played once)')
     motion.set_defaults(function=lambda options: guarded(_motion, options))
 

@@ -24,6 +24,7 @@ from piezo_ros.bag.tables.export_table import check_export_suffix, export_table
 from piezo_ros.bag.tables.import_table import REST, ImportChoice, ImportedBag, import_table
 from piezo_ros.cli.bag.outcome import add_output, guarded
 from piezo_ros.cli.shared.bag_options import add_bag_options, bag_options
+from piezo_ros.cli.shared.option_types import FILE_TIME_S, SAMPLE_PERIOD_S, Number
 from piezo_ros.cli.shared.outputs import OutputPath
 from piezo_ros.parameters.errors import PlanError
 from piezo_ros.report.files import put_in_place
@@ -41,6 +42,8 @@ examples:
   piezo bag import stage.tdms --columns voltage=Drive:V displacement=Cap:nm -o stage
   piezo bag import scan.csv -o scan        (as piezo bag export has written it)
 """
+_FACTOR: Final = Number(-1e12, 1e12)  # of a scale, and a zero
+_RATE_HZ: Final = Number(1e-3, 1e9, 'Hz')
 
 
 def add_actions(kinds: Any) -> None:
@@ -61,44 +64,34 @@ def _add_import(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '-o', '--output', type=Path, action=OutputPath, required=True, metavar='BAG')
     parser.add_argument(
-        '--columns', nargs='+', default=[], metavar='STREAM=COLUMN[:UNIT]',
+        '--columns', action='extend', nargs='+', default=[], metavar='STREAM=COLUMN[:UNIT]',
         help=f'which column is the time and which is which stream: time, {", ".join(STREAMS)} '
         '(default: the columns of an exported bag)')
     parser.add_argument(
-        '--scale', nargs='+', default=[], metavar='STREAM=FACTOR',
+        '--scale', action='extend', nargs='+', default=[], metavar='STREAM=FACTOR',
         help='multiply a stream: the gain of an amplifier of which the input was recorded, the '
         'micrometres per volt of a sensor')
     parser.add_argument(
-        '--zero', nargs='+', default=[], metavar='STREAM=VALUE',
+        '--zero', action='extend', nargs='+', default=[], metavar='STREAM=VALUE',
         help='what of a stream is the operating point, in V or um before --scale; '
         f"'{REST}': its mean before the voltage begins to move")
     period = parser.add_mutually_exclusive_group()
     period.add_argument(
-        '--sample-period-s', type=_positive, metavar='T', help='where no column is the time')
-    period.add_argument('--sample-rate-hz', type=_positive, metavar='F', help='the same')
+        '--sample-period-s', type=SAMPLE_PERIOD_S, metavar='T', help='where no column is the time')
+    period.add_argument('--sample-rate-hz', type=_RATE_HZ, metavar='F', help='the same')
     parser.add_argument(
         '--resample', action='store_true',
         help='interpolate at even times, of the sample period if one is given')
     parser.add_argument(
-        '--from-s', type=float, default=-math.inf, metavar='T',
+        '--from-s', type=FILE_TIME_S, default=-math.inf, metavar='T',
         help='leave out the rows before this time of the file')
     parser.add_argument(
-        '--to-s', type=float, default=math.inf, metavar='T',
+        '--to-s', type=FILE_TIME_S, default=math.inf, metavar='T',
         help='leave out the rows from this time of the file on')
     parser.add_argument(
         '--allow-loss', action='store_true',
         help='take rows without a displacement, which are then left out of fits; exit 3')
     parser.set_defaults(function=lambda options: guarded(_import, options))
-
-
-def _positive(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not 0.0 < value < math.inf:
-        raise argparse.ArgumentTypeError(f'{text!r} is not allowed, it must be a number above 0')
-    return value
 
 
 def _assignments(option: str, words: list[str]) -> dict[str, str]:
@@ -116,12 +109,9 @@ def _assignments(option: str, words: list[str]) -> dict[str, str]:
 
 def _number(option: str, name: str, text: str, also: str = '') -> float:
     try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise PlanError(f'{option}: {name} is {text!r}, it must be a finite number{also}')
-    return value
+        return _FACTOR(text)
+    except argparse.ArgumentTypeError as error:
+        raise PlanError(f'{option}: {name} {error}{also}') from None
 
 
 def _choice(options: argparse.Namespace) -> ImportChoice:

@@ -31,6 +31,8 @@ from piezo_ros.cli.shared.exit_codes import (
     EXIT_LOSS,
     EXIT_POOR,
 )
+from piezo_ros.cli.shared.given_options import refuse_named_option
+from piezo_ros.cli.shared.option_types import TIME_S
 from piezo_ros.cli.shared.outputs import OutputDirectory, OutputFile
 from piezo_ros.cli.shared.progress import working
 from piezo_ros.experiment.output_directory import prepare_directory
@@ -116,10 +118,10 @@ def add_common_arguments(
             help='draw fit, residuals and their whiteness: a page in this directory')
     add_bag_options(kind)
     kind.add_argument(
-        '--from-s', type=float, default=0.0, metavar='T',
+        '--from-s', type=TIME_S, default=0.0, metavar='T',
         help='leave out what was before this simulated time')
     kind.add_argument(
-        '--to-s', type=float, default=math.inf, metavar='T',
+        '--to-s', type=TIME_S, default=math.inf, metavar='T',
         help='leave out what was from this simulated time on')
 
 
@@ -173,6 +175,7 @@ def identify(
     except PlanError:
         raise
     except (BagError, ValueError, OSError) as error:
+        refuse_named_option(options, error)
         print(f'piezo: {failure_text(error)}', file=sys.stderr)
         return EXIT_FAILED
     print(f'model: {", ".join(map(str, files))}')

@@ -29,10 +29,10 @@ from piezo_ros.cli.identify.common import (
     with_picture,
 )
 from piezo_ros.cli.identify.hysteresis import ReducedRun, reduced_run
+from piezo_ros.cli.shared.option_types import TIME_S
 from piezo_ros.cli.shared.progress import working
 from piezo_ros.identification.creep.creep_fit import CreepFit, fit_creep
 from piezo_ros.model import HysteresisParameters
-from piezo_ros.parameters.errors import PlanError
 from piezo_ros.parameters.parameter_file import read_parameter_set
 
 __all__ = ['add_kind']
@@ -56,7 +56,7 @@ def add_kind(kinds: Any) -> None:
         help='hysteresis that tells the displacement without creep (default: none where the '
         'voltage is held for half of the record, else that of the compensator in the bag)')
     kind.add_argument(
-        '--settle-s', type=float, default=0.02, metavar='T',
+        '--settle-s', type=TIME_S, default=0.02, metavar='T',
         help='left out after each change of a held voltage (default: 0.02)')
     kind.add_argument(
         '--settled', action='store_true',
@@ -80,8 +80,6 @@ def _read(recording: Recording, start: int, stop: int) -> ReducedRun:
 
 def _make(options: argparse.Namespace, runs: list[ReducedRun]) -> Identified:
     run = runs[0]
-    if not 0.0 <= options.settle_s < float('inf'):
-        raise PlanError(f'--settle-s is {options.settle_s}, allowed is 0 s and more')
     told = None
     if options.compensator:
         told = read_parameter_set(options.compensator, 'compensator', HysteresisParameters)

@@ -19,7 +19,7 @@ import math
 import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -39,6 +39,7 @@ from piezo_ros.cli.identify.responses import (
     response_source,
     responses,
 )
+from piezo_ros.cli.shared.option_types import FREQUENCY_HZ, Number, Whole
 from piezo_ros.cli.shared.progress import working
 from piezo_ros.experiment.model_file import read_accuracy
 from piezo_ros.identification.dynamics.dynamics_fit import STRUCTURES, DynamicsFit
@@ -47,6 +48,8 @@ from piezo_ros.parameters.provenance import software_versions
 
 __all__ = ['add_kind']
 
+_ORDER: Final = Whole(0, 30)
+_DELAY_SAMPLES: Final = Number(0.0, 1e6)
 _MOST_CANDIDATES = 4  # that are printed
 _NAMED_PERCENT = 1.0  # of a loop, left by the hysteresis model
 
@@ -57,17 +60,18 @@ def add_kind(kinds: Any) -> None:
         'dynamics', help='G(s), (6) or another one that the points ask for, from command and '
         'displacement of a stepped sine, multisine, noise or chirp, or from a table')
     kind.add_argument(
-        '--maximum-frequency-hz', type=float, default=math.inf, metavar='F',
+        '--maximum-frequency-hz', type=FREQUENCY_HZ, default=math.inf, metavar='F',
         help='leave out what is above')
     kind.add_argument(
         '--structure', choices=STRUCTURES,
         help='liu: (6); rational: the orders of --orders; auto: (6) where it explains the points '
         'as well as the best model, else the smallest that does (default)')
     kind.add_argument(
-        '--orders', type=int, nargs=2, metavar=('NUM', 'DEN'),
+        '--orders', type=_ORDER, nargs=2, metavar=('NUM', 'DEN'),
         help='fit a stable rational G(s) of these orders; NUM below DEN')
     kind.add_argument(
-        '--delay-samples', type=float, default=0.0, metavar='D', help='known delay (default: 0)')
+        '--delay-samples', type=_DELAY_SAMPLES, default=0.0, metavar='D',
+        help='known delay (default: 0)')
     kind.add_argument(
         '--fit-delay', action='store_true', help='fit a delay too, with --orders')
     add_common_arguments(kind, bags='*', report=True, beside=(TABLE_SUFFIX,))

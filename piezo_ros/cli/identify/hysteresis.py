@@ -32,10 +32,10 @@ from piezo_ros.cli.identify.common import (
     source,
     with_picture,
 )
+from piezo_ros.cli.shared.option_types import COUNT, VOLTAGE_V, NumberOrWord, Whole
 from piezo_ros.cli.shared.progress import working
 from piezo_ros.identification.hysteresis.hysteresis_result import HysteresisFit
 from piezo_ros.identification.hysteresis.records import Record, record_of_blocks
-from piezo_ros.parameters.errors import PlanError
 from piezo_ros.parameters.provenance import software_versions
 
 if TYPE_CHECKING:
@@ -43,6 +43,7 @@ if TYPE_CHECKING:
 
 __all__ = ['ReducedRun', 'add_kind', 'reduced_run']
 
+_ELEMENTS: Final = NumberOrWord(Whole(1, 1000), 'auto')
 _BLOCK_SAMPLES: Final = 500_000
 
 
@@ -78,16 +79,16 @@ def add_kind(kinds: Any) -> None:
         'hysteresis', help='MRC elements, from voltage and displacement of a slow triangle of '
         'decreasing amplitude')
     kind.add_argument(
-        '--elements', metavar='N',
+        '--elements', type=_ELEMENTS, metavar='N',
         help="number of voltage-limited elements, or 'auto': the smallest that is as good as any "
         '(default: 10, and 24 or 40 where these leave clearly less of loops that are held out)')
     kind.add_argument(
         '--used', action='store_true', help='the stage was not virgin at the start')
     kind.add_argument(
-        '--range-v', type=float, nargs=2, metavar=('LOW', 'HIGH'),
+        '--range-v', type=VOLTAGE_V, nargs=2, metavar=('LOW', 'HIGH'),
         help='voltages at which the model will be used; warns of what the bags do not cover')
     kind.add_argument(
-        '--every', type=_positive, default=1, metavar='N',
+        '--every', type=COUNT, default=1, metavar='N',
         help='average over N samples, but at turns of the voltage: of a slow triangle single '
         'samples tell little more')
     kind.add_argument(
@@ -99,13 +100,6 @@ def add_kind(kinds: Any) -> None:
         next_step='piezo identify dynamics BAG --compensator {model} -o trajectory.yaml',
         read=lambda recording, start, stop: reduced_run(
             recording, start, stop, virgin=not options.used, every=options.every)))
-
-
-def _positive(text: str) -> int:
-    value = int(text)
-    if value < 1:
-        raise argparse.ArgumentTypeError(f'{text} is below 1')
-    return value
 
 
 def reduced_run(
@@ -164,8 +158,6 @@ def _make(options: argparse.Namespace, runs: list[ReducedRun]) -> Identified:
     from piezo_ros.identification.hysteresis.hysteresis_fit import fit_hysteresis_records
     elements = options.elements
     if elements not in ('auto', None):
-        if not elements.isdigit():
-            raise PlanError(f"--elements is {elements!r}, allowed is a number or 'auto'")
         elements = int(elements)
     records = [run.record for run in runs]
     for run in runs:

@@ -15,11 +15,13 @@
 """Frequency responses of the bags for ``piezo identify dynamics`` and ``uncertainty``."""
 
 import argparse
-import math
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Final
 
 from piezo_ros.bag import Run
+from piezo_ros.cli.shared.given_options import refuse_without_effect
+from piezo_ros.cli.shared.option_types import SAMPLE_PERIOD_S, SLEW_V_PER_S
 from piezo_ros.cli.shared.progress import working
 from piezo_ros.control import TrajectoryParameters
 from piezo_ros.experiment.recorded_response import recorded_response
@@ -34,11 +36,15 @@ __all__ = [
     'add_response_arguments', 'add_table_arguments', 'response_of', 'response_source',
     'responses']
 
+_OF_BAGS: Final = (
+    'from_s', 'to_s', 'trajectory', 'excitation', 'estimator', 'slew_limit_v_per_s')
+_OF_PLACES: Final = ('namespace', 'run', 'allow_loss', 'compensator')
+
 
 def add_response_arguments(kind: argparse.ArgumentParser) -> None:
     """Describe what the bags may not say: the trajectory, the hysteresis, the amplifier."""
     kind.add_argument(
-        '--trajectory', type=Path, action='append', metavar='FILE',
+        '--trajectory', type=Path, action='append_any', metavar='FILE',
         help='parameters of the trajectory that was played, where the bag does not say them: '
         'once for all bags or once for each, in their order (default: the frequencies are found '
         'in the record)')
@@ -55,7 +61,7 @@ def add_response_arguments(kind: argparse.ArgumentParser) -> None:
         help='take the command from the voltage by the hysteresis of this file: for runs of '
         'the bare actuator')
     kind.add_argument(
-        '--slew-limit-v-per-s', type=float, metavar='S',
+        '--slew-limit-v-per-s', type=SLEW_V_PER_S, metavar='S',
         help='of the amplifier, where the bag does not say it')
 
 
@@ -67,16 +73,9 @@ def add_table_arguments(kind: argparse.ArgumentParser) -> None:
         'rad/s; gain linear or in dB with phase_deg or phase_rad, or real and imaginary), '
         'Touchstone; no bag is needed then')
     kind.add_argument(
-        '--sample-period-s', type=_positive_s, metavar='T',
+        '--sample-period-s', type=SAMPLE_PERIOD_S, metavar='T',
         help='of the record that such a response was made of, behind a zero-order hold '
         '(default: what the file says, else it is that of the continuous stage)')
-
-
-def _positive_s(text: str) -> float:
-    value = float(text)
-    if not 0.0 < value < math.inf:
-        raise argparse.ArgumentTypeError(f'{text} s, it must be above 0')
-    return value
 
 
 def response_source(options: argparse.Namespace, runs: list[Run]) -> str:
@@ -89,6 +88,17 @@ def responses(options: argparse.Namespace, runs: list[Run]) -> list[FrequencyRes
     tables = getattr(options, 'from_response', None) or []
     if not (runs or tables):
         raise PlanError('no BAG is given, and no --from-response FILE')
+    if not tables:
+        refuse_without_effect(options, ['sample_period_s'], 'without --from-response')
+    if not runs:
+        refuse_without_effect(
+            options, _OF_BAGS if options.place_from else (*_OF_BAGS, *_OF_PLACES),
+            'where no BAG is given')
+    if options.excitation:
+        refuse_without_effect(options, ['trajectory'], 'beside --excitation')
+    if options.excitation not in (None, 'auto', 'broadband'):
+        refuse_without_effect(
+            options, ['estimator'], f'on the excitation {options.excitation}, but on broadband')
     found = []
     for run, response in _recorded(options, runs) if runs else ():
         _tell(run.path.name, response)

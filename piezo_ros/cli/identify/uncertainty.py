@@ -16,7 +16,7 @@
 
 import argparse
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import yaml
 
@@ -29,12 +29,15 @@ from piezo_ros.cli.identify.common import (
     with_picture,
 )
 from piezo_ros.cli.identify.responses import add_response_arguments, responses
+from piezo_ros.cli.shared.option_types import Whole
 from piezo_ros.cli.shared.progress import working
 from piezo_ros.experiment.model_file import BOUND_KIND, FORMAT_VERSION
 from piezo_ros.model import DynamicsParameters, LinearDynamics
 from piezo_ros.parameters.parameter_file import read_parameter_set
 
 __all__ = ['add_kind']
+
+_ORDER: Final = Whole(1, 20)
 
 
 def add_kind(kinds: Any) -> None:
@@ -43,7 +46,7 @@ def add_kind(kinds: Any) -> None:
         'uncertainty', help='W(s) above every measured deviation from a model')
     kind.add_argument(
         '--model', type=Path, required=True, metavar='FILE', help='what identify dynamics wrote')
-    kind.add_argument('--order', type=int, default=2, help='of W(s) (default: 2)')
+    kind.add_argument('--order', type=_ORDER, default=2, help='of W(s) (default: 2)')
     add_common_arguments(kind)
     add_response_arguments(kind)
     kind.set_defaults(function=lambda options: identify(_make, options))

@@ -17,6 +17,8 @@
 import argparse
 from typing import Any
 
+from piezo_ros.cli.shared.option_types import COUNT
+
 __all__ = ['add_bag_options', 'bag_options']
 
 
@@ -24,7 +26,7 @@ def add_bag_options(parser: argparse.ArgumentParser) -> None:
     """Add the options that say which run to read, and what to do with a damaged bag."""
     parser.add_argument('--namespace', metavar='NS', help='the rig, where a bag holds several')
     parser.add_argument(
-        '--run', type=int, metavar='N',
+        '--run', type=COUNT, metavar='N',
         help='the run, counted from 1, where a bag holds several one after the other')
     parser.add_argument(
         '--allow-loss', action=argparse.BooleanOptionalAction, default=True,

@@ -46,6 +46,7 @@ _Set = TypeVar('_Set', bound=ParameterSet)
 _SHARES_OF_REACH: Final = tuple(i / 12.0 for i in range(1, 6))
 _SHARES_OF_ACCEPTABLE: Final = (0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 2.0)
 _SAMPLES_PER_PERIOD: Final = 20.0  # at least, of the scans that are predicted unasked
+_MOST_OF_A_PERIOD: Final = 500_000  # samples, of the scans that are predicted
 _DEFAULT_SCAN_HZ: Final = 300.0
 
 
@@ -54,8 +55,6 @@ def predicted_points(
 ) -> tuple[OperatingPoint, ...]:
     """Return what to expect at the operating points that the options ask for."""
     harmonics_open = options.harmonics == AUTO
-    if not harmonics_open and not options.harmonics.isdigit():
-        raise PlanError(f"--harmonics is {options.harmonics!r}, allowed is a number or 'auto'")
     period_s = options.sample_period_s
     highest_hz = 1.0 / (_SAMPLES_PER_PERIOD * period_s)
     compensator = _told(options.compensator, 'compensator', HysteresisParameters)
@@ -89,6 +88,11 @@ def predicted_points(
             raise PlanError(
                 f'--frequencies-hz has {frequency_hz:g}, allowed is above 0 and below '
                 f'{0.5 / period_s:g} Hz (the Nyquist frequency)')
+        if frequency_hz * period_s * _MOST_OF_A_PERIOD < 1.0:
+            raise PlanError(
+                f'--frequencies-hz has {frequency_hz:g}, of which a period has '
+                f'{1.0 / (frequency_hz * period_s):g} samples, allowed are {_MOST_OF_A_PERIOD}; '
+                'take a longer --sample-period-s')
     told = {} if options.plant is None else {'plant': {'order': plant.order}}
     cells = [(a, f) for a in sorted(set(amplitudes_um)) for f in sorted(set(frequencies_hz))]
     if not harmonics_open:

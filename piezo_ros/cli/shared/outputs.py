@@ -25,6 +25,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+from piezo_ros.cli.shared.given_options import StoredOption
 from piezo_ros.cli.shared.path_collisions import (
     Input,
     Output,
@@ -38,15 +39,8 @@ from piezo_ros.parameters.errors import PlanError
 __all__ = ['OutputDirectory', 'OutputFile', 'OutputPath', 'check_written']
 
 
-class OutputPath(argparse.Action):
+class OutputPath(StoredOption):
     """The action of an option with a directory that the command makes, or goes on with."""
-
-    def __call__(
-        self, parser: argparse.ArgumentParser, namespace: argparse.Namespace, values: Any,
-        option_string: str | None = None,
-    ) -> None:
-        """Take the path."""
-        setattr(namespace, self.dest, values)
 
     def outputs(self, path: Path) -> tuple[Output, ...]:
         """Return what will be written there."""

@@ -89,9 +89,11 @@ def plan_path(text: str) -> Path:
         If it is a bare name, and neither a file nor a plan of the package.
 
     """
+    if not text:
+        raise ArgumentTypeError("is '', which is empty; give the file or the name of a plan")
     path = Path(text)
-    is_bare = bool(text) and os.sep not in text and not path.suffix
-    if not is_bare or path.exists():
+    is_bare = os.sep not in text and not path.suffix
+    if not is_bare or os.path.exists(path):
         return path
     try:
         plans = packaged_plans()
