@@ -186,7 +186,7 @@ def _plan_scan(
             'either side, the reach of the stage')
     if not 0.0 < options.amplitude_um <= most_um:
         beside = f', beside the offset of {options.offset_um:g} um' if options.offset_um else ''
-        raise ParameterError(
+        raise PlanError(
             f'--amplitude-um is {options.amplitude_um:g}, allowed is above 0 … '
             f'{most_um:g} um (the reach of the stage{beside})')
     request = ScanRequest(

@@ -151,6 +151,7 @@ COMMANDS = [
     ('sweep plan.yaml -o out --workers 0', 2, ['--workers is 0, allowed is a whole number, 1 …']),
     ('image bag bag -o out --pixels 1', 2, ['--pixels is 1, allowed is a whole number, 2 …']),
     ('image bag bag -o out --central 2', 2, ['--central is 2, allowed is a number above 0']),
+    ('learn scan.yaml -o out --runs 0', 2, ['--runs is 0, allowed is a whole number, 1 …']),
     ('replay bag --ki -5', 2, ['--ki is -5, allowed is a number, 0 …']),
     ('sweep plan.yaml -o out', 2, ['plan.yaml has no key sweep']),
     ('bag inf bag', 2, ["invalid choice: 'inf'", "did you mean 'info'?"]),
@@ -208,8 +209,10 @@ SLOW_COMMANDS = [
     ('replay no_bag', 1, ['there is no bag no_bag']),
     ('replay bag --scheme pid', 2, ["argument --scheme: invalid choice: 'pid'"]),
     ('identify hysteresi bag -o m.yaml', 2, ["did you mean 'hysteresis'?"]),
+    ('identify hysteresis bag -o m.yaml --elements 0', 2, [
+        '--elements is 0, allowed is a whole number, 1 … 160']),
     ('identify hysteresis bag -o m.yaml --elements many', 2, [
-        "--elements is 'many', allowed is a whole number, 1 … 1000, or 'auto'"]),
+        "--elements is 'many', allowed is a whole number, 1 … 160, or 'auto'"]),
     ('identify hysteresis bag -o rig.yaml/m.yaml', 2, ['rig.yaml is no directory']),
     ('identify hysteresis bag -o there', 2, ['-o there is a directory, it must be a file']),
     ('identify hysteresis no_bag -o m.yaml', 1, ['there is no bag no_bag']),

@@ -173,7 +173,7 @@ def check_allowed(action, parsed, text):
             assert math.isfinite(value), text
             assert action.type.least <= value <= action.type.most, text
     elif isinstance(action.type, NumberOrWord):
-        assert values[0] == action.type.word or int(values[0]) in range(1, 1001), text
+        assert values[0] == action.type.word or int(values[0]) <= action.type.number.most, text
     elif action.type is Path:
         assert text, 'an empty path is the working directory'
     elif action.type is None:

@@ -109,17 +109,17 @@ def test_nothing_is_replaced_unasked(models, capsys):
 
 @pytest.mark.parametrize(('given', 'problem'), [
     ({'amplitude_um': '7'}, '--amplitude-um is 7, allowed is above 0 … 6 um (the reach'),
-    ({'frequency_hz': '301.2345678'}, 'frequency_hz is 301.2345678: at a sample period of 1e-05'),
-    ({'frequency_hz': '30000'}, 'frequency_hz is 30000.0, allowed is above 0 … 25000'),
+    ({'frequency_hz': '301.2345678'}, '--frequency-hz is 301.2345678: at a sample period of 1e-05'),
+    ({'frequency_hz': '30000'}, '--frequency-hz is 30000.0, allowed is above 0 … 25000'),
 ])
 def test_what_cannot_be_planned_is_refused_by_name(models, capsys, given, problem):
-    assert plan(**given) == 1
+    assert plan(**given) == 2
     assert problem in capsys.readouterr().err
     assert not (models / 'scan.yaml').exists()
 
 
 def test_a_wish_far_beyond_the_amplifier_is_refused(models, capsys):
-    assert plan('--average-slew-v-per-s', '100') == 1
+    assert plan('--average-slew-v-per-s', '100') == 2
     assert 'the amplifier leaves an error of' in capsys.readouterr().err
     assert not (models / 'scan.yaml').exists()
 

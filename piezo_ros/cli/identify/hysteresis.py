@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 
 __all__ = ['ReducedRun', 'add_kind', 'reduced_run']
 
-_ELEMENTS: Final = NumberOrWord(Whole(1, 1000), 'auto')
+_ELEMENTS: Final = NumberOrWord(Whole(1, 160), 'auto')
 _BLOCK_SAMPLES: Final = 500_000
 
 

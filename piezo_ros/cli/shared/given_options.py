@@ -161,7 +161,7 @@ def refuse_named_option(options: argparse.Namespace, error: Exception) -> None:
     options : argparse.Namespace
         What was parsed.
     error : Exception
-        Its text may begin with the name of a parameter.
+        Its text may begin with the name of a parameter and ``is``.
 
     Raises
     ------
@@ -171,5 +171,5 @@ def refuse_named_option(options: argparse.Namespace, error: Exception) -> None:
     """
     notes = getattr(options, _NOTES, {})
     name, _, rest = str(error).partition(' ')
-    if name.rstrip(':') in notes:
-        raise PlanError(f'{notes[name.rstrip(":")][0]} {rest}') from None
+    if name in notes and rest.startswith('is '):
+        raise PlanError(f'{notes[name][0]} {rest}') from None
