@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Final
 
 from piezo_ros.cli.shared.option_types import Whole
-from piezo_ros.cli.shared.outputs import check_output
+from piezo_ros.cli.shared.outputs import OutputFile
 from piezo_ros.cli.shared.progress import Progress
 from piezo_ros.report.files import write_atomically
 
@@ -33,7 +33,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Describe the command's arguments to its parser."""
     parser.epilog = 'example:\n  piezo calibrate -o config/rig.yaml --force'
     parser.add_argument(
-        '-o', '--output', type=Path, required=True, metavar='FILE', help='parameter file to write')
+        '-o', '--output', type=Path, action=OutputFile, required=True, metavar='FILE',
+        help='parameter file to write')
     parser.add_argument('--force', action='store_true', help='replace the file')
     parser.add_argument('--seed', type=_SEED, default=1, help='of the search (default: 1)')
     parser.add_argument(
@@ -43,7 +44,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _calibrate(options: argparse.Namespace) -> int:
-    check_output(options.output, force=options.force)
     from piezo_ros.study.calibration import calibrate_rig
     progress = Progress()
     progress.announce('calibrating on the rows 0.5, 1.5 and 2.5 um of Table 4')

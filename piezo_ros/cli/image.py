@@ -22,6 +22,7 @@ from typing import Final
 from piezo_ros.bag import BagError, Run, read
 from piezo_ros.cli.shared.exit_codes import EXIT_DONE, EXIT_FAILED, EXIT_LOSS, EXIT_USAGE
 from piezo_ros.cli.shared.option_types import COUNT, Number, Whole
+from piezo_ros.cli.shared.outputs import OutputDirectory
 from piezo_ros.experiment.output_directory import prepare_directory
 from piezo_ros.parameters.errors import PlanError, failure_text
 from piezo_ros.parameters.provenance import software_versions
@@ -48,7 +49,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='the axis that goes from line to line (default: in the same bag, in another '
         'namespace)')
     parser.add_argument(
-        '-o', '--output', type=Path, required=True, metavar='DIR', help='output directory')
+        '-o', '--output', type=Path, action=OutputDirectory, required=True, metavar='DIR',
+        help='output directory')
     parser.add_argument(
         '--force', action='store_true', help='replace an earlier output in DIR')
     parser.add_argument(

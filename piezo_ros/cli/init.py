@@ -21,6 +21,7 @@ from typing import Final
 
 from piezo_ros.cli.shared.exit_codes import EXIT_DONE
 from piezo_ros.cli.shared.given_options import refuse_without_effect
+from piezo_ros.cli.shared.outputs import OutputPath
 from piezo_ros.experiment.output_directory import copy_plan
 from piezo_ros.experiment.plan.packaged_plans import examples
 from piezo_ros.parameters.errors import PlanError
@@ -42,7 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         'name', nargs='?', metavar='NAME', help='which example (default: list them)')
     parser.add_argument(
-        '-o', '--output', type=Path, metavar='DIR',
+        '-o', '--output', type=Path, action=OutputPath, metavar='DIR',
         help='where to, which must not exist or be empty (default: NAME)')
     parser.set_defaults(function=_init)
 

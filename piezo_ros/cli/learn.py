@@ -26,6 +26,7 @@ from piezo_ros.cli.run import check_ros
 from piezo_ros.cli.shared.exit_codes import EXIT_DONE, EXIT_FAILED
 from piezo_ros.cli.shared.given_options import refuse_without_effect
 from piezo_ros.cli.shared.option_types import Whole
+from piezo_ros.cli.shared.outputs import OutputPath
 from piezo_ros.cli.shared.progress import Progress
 from piezo_ros.parameters.errors import CampaignError, PlanError, failure_text
 from piezo_ros.parameters.node_parameters import LOOP_NODES
@@ -73,7 +74,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--yes', action='store_true', help='drive a real device without asking')
     parser.add_argument('--resume', action='store_true', help='go on with what is in DIR')
     parser.add_argument(
-        '-o', '--output', type=Path, required=True, metavar='DIR', help='output directory')
+        '-o', '--output', type=Path, action=OutputPath, required=True, metavar='DIR',
+        help='output directory')
     parser.add_argument(
         '--force', action='store_true', help='replace an earlier output in DIR')
     parser.set_defaults(function=_learn)
@@ -81,9 +83,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def _learn(options: argparse.Namespace) -> int:
     from piezo_ros.experiment.feedforward_comparison import feedforward_comparison
-    from piezo_ros.experiment.output_directory import prepare_directory
+    from piezo_ros.experiment.output_directory import prepare_directory, resume_directory
     from piezo_ros.experiment.planned_scan import read_planned_scan
-    from piezo_ros.experiment.scan_learning import ScanLearning
+    from piezo_ros.experiment.scan_learning import RECORD, ScanLearning
     if options.offline:
         refuse_without_effect(options, ['composed'], 'beside --offline')
     if options.resume:
@@ -96,10 +98,10 @@ def _learn(options: argparse.Namespace) -> int:
         if not options.offline:
             check_ros('')
         learning = ScanLearning(request, plan, options.output, base, scheme=options.scheme)
-        if not (options.resume and options.output.is_dir()):
+        if not options.resume:
             prepare_directory(options.output, force=options.force)
-        if options.resume and (done := learning.resume()):
-            print(f'{done} runs are there already')
+        elif resume_directory(options.output, RECORD):
+            print(f'{learning.resume()} runs are there already')
         with _engine(options) as run:
             while not learning.is_done and len(learning.runs) < options.runs:
                 learned = learning.next_run(run)

@@ -32,8 +32,9 @@ from piezo_ros.cli.shared.option_types import (
     SLEW_V_PER_S,
     Number,
 )
-from piezo_ros.cli.shared.outputs import check_output
+from piezo_ros.cli.shared.outputs import OutputFile
 from piezo_ros.experiment.model_file import read_bound, read_model
+from piezo_ros.experiment.motion_files import MOTION_SUFFIX
 from piezo_ros.model import DynamicsParameters, HysteresisParameters, ParameterError, RigParameters
 from piezo_ros.parameters.errors import PlanError, failure_text
 from piezo_ros.parameters.parameter_file import read_parameter_set
@@ -123,17 +124,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--accept-poor', action='store_true',
         help='plan also with a model of which the verdict is "do not trust" (else exit 4)')
     parser.add_argument(
-        '-o', '--output', type=Path, required=True, metavar='FILE',
+        '-o', '--output', type=Path, action=OutputFile, beside=(MOTION_SUFFIX,), required=True,
+        metavar='FILE',
         help='parameter file of the trajectory to write; its motion lies beside it (.npz)')
     parser.add_argument('--force', action='store_true', help='replace the files')
     parser.set_defaults(function=_plan)
 
 
 def _plan(options: argparse.Namespace) -> int:
-    from piezo_ros.experiment.planned_scan import MOTION_SUFFIX
-    outputs = (options.output, options.output.with_suffix(MOTION_SUFFIX))
-    for path in outputs:
-        check_output(path, force=options.force)
     is_scan = options.amplitude_um is not None and options.frequency_hz is not None
     if is_scan == (options.motion is not None):
         print(

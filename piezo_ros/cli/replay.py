@@ -26,8 +26,10 @@ from piezo_ros.cli.shared.bag_options import add_bag_options, bag_options
 from piezo_ros.cli.shared.exit_codes import EXIT_DONE, EXIT_FAILED, EXIT_LOSS
 from piezo_ros.cli.shared.given_options import refuse_without_effect
 from piezo_ros.cli.shared.option_types import Number
+from piezo_ros.cli.shared.outputs import OutputDirectory
 from piezo_ros.control import SCHEMES, ControllerParameters
 from piezo_ros.experiment.model_file import missing_of_model
+from piezo_ros.experiment.output_directory import prepare_directory
 from piezo_ros.experiment.plan.automatic import AUTO
 from piezo_ros.experiment.plan.run_entry import checked_parameters
 from piezo_ros.model import (
@@ -77,7 +79,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         parser.add_argument(
             f'--{option}', type=Number(0.0, most), metavar='GAIN', help=f'another gain {gain}')
     parser.add_argument(
-        '-o', '--output', type=Path, metavar='DIR',
+        '-o', '--output', type=Path, action=OutputDirectory, metavar='DIR',
         help='directory of a page with recorded beside replayed, and their difference')
     parser.add_argument('--force', action='store_true', help='replace an earlier output')
     add_bag_options(parser)
@@ -87,9 +89,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def _replay(options: argparse.Namespace) -> int:
     if options.output is None:
         refuse_without_effect(options, ['force'], 'without -o')
-    else:
-        from piezo_ros.experiment.output_directory import prepare_directory
-        prepare_directory(options.output, force=options.force)
     try:
         run = read(options.bag, **bag_options(options))
         result, others = _results(run, options)
@@ -209,6 +208,7 @@ def _warning(result: 'ReplayResult') -> str:
 def _report(result: 'ReplayResult', options: argparse.Namespace) -> Path:
     from piezo_ros.parameters.provenance import software_versions
     from piezo_ros.report.analysis.replay_page import write_replay_page
+    prepare_directory(options.output, force=options.force)
     replaced = ', '.join(result.overridden) or 'nothing'
     law = result.controller
     faith = _warning(result) or (

@@ -24,6 +24,7 @@ from piezo_ros.bag import BagError, Recording, open_recording
 from piezo_ros.cli.shared.bag_options import add_bag_options, bag_options
 from piezo_ros.cli.shared.given_options import refuse_same_twice, refuse_without_effect
 from piezo_ros.cli.shared.option_types import AMPLITUDE_UM, FREQUENCY_HZ, Number, Whole
+from piezo_ros.cli.shared.outputs import OutputDirectory
 from piezo_ros.experiment.output_directory import prepare_directory
 from piezo_ros.parameters.errors import PlanError, failure_text
 from piezo_ros.parameters.provenance import software_versions
@@ -55,7 +56,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         'bags', type=Path, nargs='+', metavar='DIR|BAG',
         help='bags, or output directories of piezo run; of raster scans the images are made')
     parser.add_argument(
-        '-o', '--output', type=Path, required=True, metavar='DIR', help='output directory')
+        '-o', '--output', type=Path, action=OutputDirectory, required=True, metavar='DIR',
+        help='output directory')
     parser.add_argument(
         '--force', action='store_true', help='replace an earlier output in DIR')
     parser.add_argument(

@@ -25,6 +25,7 @@ from piezo_ros.bag import BagError
 from piezo_ros.cli.shared.exit_codes import EXIT_FAILED
 from piezo_ros.cli.shared.given_options import refuse_without_effect
 from piezo_ros.cli.shared.option_types import Whole
+from piezo_ros.cli.shared.outputs import OutputDirectory
 from piezo_ros.cli.shared.progress import Progress, ShownProgress
 from piezo_ros.experiment.campaign import run_campaign
 from piezo_ros.experiment.output_directory import prepare_directory
@@ -85,7 +86,8 @@ def add_plan_arguments(parser: argparse.ArgumentParser) -> None:
     parser.epilog = _EXAMPLES
     parser.add_argument('plan', type=plan_path, metavar='PLAN', help=PLAN_HELP)
     parser.add_argument(
-        '-o', '--output', type=Path, required=True, metavar='DIR', help='output directory')
+        '-o', '--output', type=Path, action=OutputDirectory, required=True, metavar='DIR',
+        help='output directory')
     parser.add_argument(
         '--force', action='store_true', help='replace an earlier output in DIR')
 
@@ -97,9 +99,6 @@ def _run_live(options: argparse.Namespace) -> int:
     def campaign(plan: Plan) -> int:
         nonlocal exit_code
         from piezo_ros.live.supervisor import Supervisor
-        if plan.scans and options.keep:
-            raise CampaignError(
-                f'{plan.path} has raster scans, for which --keep is not there; --composed is')
         view = views[0] if views else None
         with Supervisor(options.namespace) as supervisor:
             if view:
@@ -114,6 +113,9 @@ def _run_live(options: argparse.Namespace) -> int:
         return exit_code
 
     def check(plan: Plan) -> None:
+        if plan.scans and options.keep:
+            raise CampaignError(
+                f'{plan.path} has raster scans, for which --keep is not there; --composed is')
         check_ros(options.namespace)
         if plan.study:
             refuse_without_effect(
@@ -184,10 +186,6 @@ def with_plan(
         plan = read_plan(options.plan)
         for note in plan.notes:
             print(f'piezo: {note}', file=sys.stderr)
-        if options.plan.resolve().is_relative_to(options.output.resolve()):
-            raise PlanError(
-                f'{options.plan} lies in the output directory {options.output}, which would '
-                'replace it')
         if plan.sweep is not None:
             raise PlanError(f'{options.plan} is a sweep; piezo sweep does it')
         check(plan)

@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Final
 
 from piezo_ros.cli.shared.given_options import refuse_without_effect
 from piezo_ros.cli.shared.option_types import Whole
+from piezo_ros.cli.shared.outputs import OutputPath
 from piezo_ros.cli.shared.progress import Progress
 from piezo_ros.experiment.plan.packaged_plans import plan_path
 from piezo_ros.interruption import stopped_by
@@ -56,7 +57,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         'plan', type=plan_path, metavar='PLAN',
         help='plan file with a key sweep, or the bare name of a packaged one')
     parser.add_argument(
-        '-o', '--output', type=Path, required=True, metavar='DIR', help='output directory')
+        '-o', '--output', type=Path, action=OutputPath, required=True, metavar='DIR',
+        help='output directory')
     parser.add_argument(
         '--engine', choices=('local', 'dask'), default='local',
         help='processes of this machine (default), or Dask (pip install piezo_ros[dask])')
@@ -91,10 +93,6 @@ def _sweep(options: argparse.Namespace) -> int:
         if options.scheduler:
             refuse_without_effect(
                 options, ['workers'], 'beside --scheduler, which has workers already')
-        if options.plan.resolve().is_relative_to(options.output.resolve()):
-            raise PlanError(
-                f'{options.plan} lies in the output directory {options.output}, which would '
-                'replace it')
         engine = _engine(options)
         whole = read_plan(options.plan)
         plan = read_sweep(whole)

@@ -35,7 +35,7 @@ from piezo_ros.cli.shared.option_types import (
     NumberOrWord,
     Whole,
 )
-from piezo_ros.cli.shared.outputs import check_output
+from piezo_ros.cli.shared.outputs import OutputDirectory, OutputFile
 from piezo_ros.cli.shared.progress import working
 from piezo_ros.control import TrajectoryParameters
 from piezo_ros.control.shapes.fourier_series import PERIODIC
@@ -93,11 +93,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         'model', type=Path, metavar='MODEL', help='what identify dynamics wrote')
     parser.add_argument(
-        '-o', '--output', type=Path, required=True, metavar='FILE',
+        '-o', '--output', type=Path, action=OutputFile, required=True, metavar='FILE',
         help='parameter file of the controller to write')
     parser.add_argument('--force', action='store_true', help='replace the file')
     parser.add_argument(
-        '--report', type=Path, metavar='DIR',
+        '--report', type=Path, action=OutputDirectory, metavar='DIR',
         help='draw Bode and Nyquist diagram, |S| and |T|, step and scan, and the map of schemes: '
         'a page in this directory')
     parser.add_argument(
@@ -168,9 +168,6 @@ def _tune(options: argparse.Namespace) -> int:
     from piezo_ros.identification.tuning.loop_shape import loop_shape
     from piezo_ros.identification.tuning.pi_tuning import tune_pi
     _refuse_what_has_no_effect(options)
-    check_output(options.output, force=options.force)
-    if options.report:
-        prepare_directory(options.report, force=options.force)
     try:
         models = (options.model, options.compensator)
         if not options.accept_poor and (poor := poor_model(models)):
@@ -204,6 +201,8 @@ def _tune(options: argparse.Namespace) -> int:
         if isinstance(model, LinearDynamics) and not options.no_operating_points:
             with working('predicting the operating points'):
                 points = predicted_points(options, tuning, bound)
+        if options.report:
+            prepare_directory(options.report, force=options.force)
         write_atomically(options.output, tuning.to_parameter_yaml(
             source=str(options.model), table=feedback_table(points) if points else None))
         report = None

@@ -23,9 +23,11 @@ from piezo_ros.control.changes import changes_text
 from piezo_ros.control.tables.table_changes import table_changes_entry
 from piezo_ros.parameters.run import PlannedRun
 
-__all__ = ['MOTION_KEY', 'motion_file', 'with_copied_motions', 'with_motion_files']
+__all__ = [
+    'MOTION_KEY', 'MOTION_SUFFIX', 'motion_file', 'with_copied_motions', 'with_motion_files']
 
 MOTION_KEY: Final = 'file'
+MOTION_SUFFIX: Final = '.npz'  # of the motion beside the parameter file that plays it
 
 
 def motion_file(folder: Path, name: str) -> Path:

@@ -18,25 +18,27 @@ The output directory of a command: made, replaced only if it is an earlier outpu
 It can be done again from itself: its plan has the files that it names beside it.
 """
 
+import errno
+import os
 import shutil
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import yaml
 
 from piezo_ros.experiment.motion_files import MOTION_KEY, motion_file
+from piezo_ros.experiment.named_files import file_nodes
 from piezo_ros.parameters.errors import PlanError
 from piezo_ros.parameters.portable_files import OUTPUT_MARKER
 from piezo_ros.report.files import write_atomically
 
-__all__ = ['PlanCopy', 'copy_plan', 'keep_plan', 'prepare_directory']
+__all__ = [
+    'PlanCopy', 'check_directory', 'copy_plan', 'keep_plan', 'prepare_directory',
+    'resume_directory']
 
 _PLAN_COPY: Final = 'plan.yaml'
 _FILES_BELOW: Final = 'plan_files'
-# Keys of a plan of which the values are files, named from the folder of the plan.
-_FILE_KEYS: Final = (
-    'parameter_files', 'known_rig_files', 'model_rig_files', 'uncertainty_bound_file', MOTION_KEY)
 
 
 class PlanCopy(NamedTuple):
@@ -56,9 +58,43 @@ class PlanCopy(NamedTuple):
     files: Mapping[str, Path]
 
 
+def check_directory(directory: Path, *, force: bool) -> None:
+    """
+    Refuse a directory for the output that could not be made, or must not be replaced.
+
+    Parameters
+    ----------
+    directory : Path
+        Where the output shall go.
+    force : bool
+        Whether an earlier output, which bears the mark, may be replaced; nothing else may.
+
+    Raises
+    ------
+    PlanError
+        If the directory exists and may not be replaced.
+    OSError
+        If it could not be made.
+
+    """
+    # Only what is marked is ever deleted: a plan.yaml of the user's own may lie anywhere.
+    if directory.exists() and (not directory.is_dir() or any(directory.iterdir())):
+        if not force:
+            raise PlanError(f'{directory} exists; --force replaces it')
+        _check_mark(directory, 'it is not replaced')
+    above = next(parent for parent in (
+        directory.absolute(), *directory.absolute().parents) if parent.exists())
+    if not above.is_dir():
+        raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), str(directory))
+    if not os.access(above, os.W_OK | os.X_OK):
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(above))
+
+
 def prepare_directory(directory: Path, *, force: bool) -> None:
     """
     Make a directory for the output, empty but for a mark that says what it is.
+
+    All that a command reads must have been read before, or lie elsewhere.
 
     Parameters
     ----------
@@ -73,17 +109,50 @@ def prepare_directory(directory: Path, *, force: bool) -> None:
         If the directory exists and may not be replaced.
 
     """
-    # Only what is marked is ever deleted: a plan.yaml of the user's own may lie anywhere.
-    if directory.exists() and (not directory.is_dir() or any(directory.iterdir())):
-        if not force:
-            raise PlanError(f'{directory} exists; --force replaces it')
-        if not (directory / OUTPUT_MARKER).is_file():
-            raise PlanError(
-                f'{directory} exists and is no earlier output (it has no {OUTPUT_MARKER}); '
-                'it is not replaced')
-        shutil.rmtree(directory)
+    check_directory(directory, force=force)
     directory.mkdir(parents=True, exist_ok=True)
-    (directory / OUTPUT_MARKER).touch()
+    mark = directory / OUTPUT_MARKER
+    mark.touch()
+    # The directory itself stays: it may be a link, or the working directory of a shell. So does
+    # the mark: what an interruption leaves can be replaced again.
+    for entry in directory.iterdir():
+        if entry.is_dir() and not entry.is_symlink():
+            shutil.rmtree(entry)
+        elif entry != mark:
+            entry.unlink()
+
+
+def resume_directory(directory: Path, record: str, *, force: bool = False) -> bool:
+    """
+    Return whether a directory has an output to go on with; else make it ready for a new one.
+
+    Parameters
+    ----------
+    directory : Path
+        Where the output goes.
+    record : str
+        Name of the file with which an output of this kind can be gone on with.
+    force : bool, optional
+        Replace an earlier output in place of going on with it.
+
+    Raises
+    ------
+    PlanError
+        If the directory exists and is no output of this kind.
+
+    """
+    if not force and (directory / record).is_file():
+        _check_mark(directory, 'it is not gone on with')
+        return True
+    prepare_directory(directory, force=force)
+    return False
+
+
+def _check_mark(directory: Path, what_then: str) -> None:
+    if not (directory / OUTPUT_MARKER).is_file():
+        raise PlanError(
+            f'{directory} exists and is no earlier output (it has no {OUTPUT_MARKER}); '
+            f'{what_then}')
 
 
 def keep_plan(source: Path, directory: Path) -> PlanCopy:
@@ -163,7 +232,7 @@ class _FileCopies:
         """Copy the files that a YAML file names; return its text with their names, and its root."""
         root = yaml.compose(text, Loader=yaml.SafeLoader)
         replaced: list[tuple[int, int, str]] = []
-        for key, node in _file_nodes(root):
+        for key, node in file_nodes(root):
             name, is_motion = str(node.value), key == MOTION_KEY
             file = motion_file(source.parent, name) if is_motion else source.parent / name
             if file.is_file():
@@ -188,20 +257,6 @@ class _FileCopies:
 
 def _text_of(source: Path) -> str:
     return source.read_text(encoding='utf-8-sig')
-
-
-def _file_nodes(node: Any) -> Iterator[tuple[str, Any]]:
-    """Yield the scalars of a plan that are files, each with its key."""
-    if isinstance(node, yaml.MappingNode):
-        for key, value in node.value:
-            if key.value in _FILE_KEYS:
-                each = value.value if isinstance(value, yaml.SequenceNode) else [value]
-                yield from ((key.value, item) for item in each if isinstance(item, yaml.ScalarNode))
-            else:
-                yield from _file_nodes(value)
-    elif isinstance(node, yaml.SequenceNode):
-        for item in node.value:
-            yield from _file_nodes(item)
 
 
 def _free_name(file: Path, taken: dict[str, Path]) -> str:

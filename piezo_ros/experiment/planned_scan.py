@@ -28,6 +28,7 @@ import numpy as np
 
 from piezo_ros.control.tables.motion_table import MotionTable, write_motion_table
 from piezo_ros.experiment.model_file import identified_facts
+from piezo_ros.experiment.motion_files import MOTION_SUFFIX
 from piezo_ros.model import (
     DynamicsParameters,
     HysteresisParameters,
@@ -39,7 +40,7 @@ from piezo_ros.planning.constrained_step import AmplifierLimits
 from piezo_ros.planning.harmonics import harmonic_basis, orders_of_band
 from piezo_ros.planning.periodic_plan import PeriodicPlan, known_plan
 from piezo_ros.planning.scan import ScanRequest, limits_of, planned_scan, stage_of
-from piezo_ros.report.files import write_atomically
+from piezo_ros.report.files import put_in_place, write_atomically
 
 __all__ = [
     'ScanRequest', 'limits_of', 'motion_of', 'planned_scan', 'read_planned_scan', 'stage_of',
@@ -48,7 +49,6 @@ __all__ = [
 
 FACTS: Final = 'planned_scan'
 FORMAT_VERSION: Final = 1
-MOTION_SUFFIX: Final = '.npz'
 
 
 def motion_of(
@@ -136,8 +136,9 @@ def _write(
     scan: Mapping[str, float], facts: Mapping[str, Any] | None = None,
 ) -> tuple[Path, ...]:
     """Write a motion and the parameter file that plays it."""
-    motion_path = path.with_suffix(MOTION_SUFFIX).resolve()
-    write_motion_table(motion_path, table)
+    motion_path = path.parent.resolve() / path.with_suffix(MOTION_SUFFIX).name
+    with put_in_place(motion_path) as unfinished:
+        write_motion_table(unfinished, table)
     sections: dict[str, Mapping[str, Any]] = {'trajectory': {
         'waveform': 'file', 'file': str(motion_path), 'sample_period_s': table.sample_period_s,
         'harmonics': 0, **scan, **_given(dynamics)}}

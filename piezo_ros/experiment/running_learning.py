@@ -38,7 +38,8 @@ from piezo_ros.control.tables.table_changes import (
     table_changes_entry,
 )
 from piezo_ros.control.waveform import FILE, motion_of
-from piezo_ros.experiment.planned_scan import MOTION_SUFFIX, read_planned_scan, write_planned_scan
+from piezo_ros.experiment.motion_files import MOTION_SUFFIX
+from piezo_ros.experiment.planned_scan import read_planned_scan, write_planned_scan
 from piezo_ros.experiment.scan_beside_feedback import ScanBesideFeedback
 from piezo_ros.model import ParameterError
 from piezo_ros.parameters.parameter_file import parameters_yaml

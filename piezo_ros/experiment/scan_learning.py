@@ -34,17 +34,18 @@ import numpy as np
 from piezo_ros.bag import BagError, read
 from piezo_ros.control import ControllerParameters
 from piezo_ros.control.tables.motion_table import write_motion_table
+from piezo_ros.experiment.motion_files import MOTION_SUFFIX
 from piezo_ros.experiment.plan.run_entry import plan_run
-from piezo_ros.experiment.planned_scan import MOTION_SUFFIX, ScanRequest, write_planned_scan
+from piezo_ros.experiment.planned_scan import ScanRequest, write_planned_scan
 from piezo_ros.experiment.scan_beside_feedback import ScanBesideFeedback
 from piezo_ros.model import RigParameters
 from piezo_ros.parameters.errors import CampaignError
 from piezo_ros.parameters.run import PlannedRun, RunResult
 from piezo_ros.planning.learning import period_average
 from piezo_ros.planning.periodic_plan import PeriodicPlan
-from piezo_ros.report.files import write_atomically
+from piezo_ros.report.files import put_in_place, write_atomically
 
-__all__ = ['LearnedRun', 'ScanLearning']
+__all__ = ['RECORD', 'LearnedRun', 'ScanLearning']
 
 RECORD: Final = 'learning.json'
 _BEST: Final = 'best.yaml'
@@ -140,18 +141,21 @@ class ScanLearning:
         BagError
             If a bag of a finished run cannot be read.
         CampaignError
-            If the runs were under another scheme.
+            If the record of the runs is damaged, or they were under another scheme.
+        OSError
+            If there is no record.
 
         """
+        path = self.directory / RECORD
         try:
-            record = json.loads((self.directory / RECORD).read_text(encoding='utf-8'))
+            record = json.loads(path.read_text(encoding='utf-8'))
             names = [str(run['name']) for run in record['runs']]
-        except (OSError, ValueError, KeyError, TypeError):
-            return 0
+        except (ValueError, KeyError, TypeError) as error:
+            raise CampaignError(f'{path} is damaged: {error!r}') from None
         scheme = record.get('scheme', 'ff')
         if scheme != self._scheme:
             raise CampaignError(
-                f'{self.directory / RECORD}: its runs are under the scheme {scheme}, not '
+                f'{path}: its runs are under the scheme {scheme}, not '
                 f'{self._scheme}')
         for name in names:
             self._take(name, self.learner.propose())
@@ -173,7 +177,7 @@ class ScanLearning:
 
         """
         plan = self.learner.propose()
-        name = f'{len(self.runs):03d}'
+        name = self._free_name()
         bag = self.directory / 'bags' / name
         motion = self._scan.motion(plan)
         path = self.directory / 'motions' / f'{name}.npz'
@@ -185,6 +189,15 @@ class ScanLearning:
         learned = self._take(name, plan)
         self._keep()
         return learned
+
+    def _free_name(self) -> str:
+        """Return a name for the next run; the bag of one that was interrupted keeps its own."""
+        first = name = f'{len(self.runs):03d}'
+        tries = 1
+        while (self.directory / 'bags' / name).exists():
+            tries += 1
+            name = f'{first}_{tries}'
+        return name
 
     def _planned(self, motion: Path, samples: int) -> PlannedRun:
         request, number = self.request, len(self.runs)
@@ -231,9 +244,9 @@ class ScanLearning:
         write_planned_scan(
             self.directory / _BEST, self.request, self.learner.best,
             [f'learned from {len(self.runs)} runs under the scheme {self._scheme}'])
-        write_motion_table(
-            (self.directory / _BEST).with_suffix(MOTION_SUFFIX),
-            self._scan.motion(self.learner.best))
+        motion = (self.directory / _BEST).with_suffix(MOTION_SUFFIX)
+        with put_in_place(motion) as unfinished:
+            write_motion_table(unfinished, self._scan.motion(self.learner.best))
         write_atomically(self.directory / RECORD, json.dumps({
             'format_version': _FORMAT_VERSION, 'scheme': self._scheme, 'is_done': self.is_done,
             'certificate_gamma': self.learner.plan.certificate.gamma,

@@ -32,7 +32,7 @@ def put_in_place(path: Path) -> Iterator[Path]:
     Parameters
     ----------
     path : Path
-        The file; it may exist, its directory must.
+        The file; its directory is made when missing.
 
     Yields
     ------
@@ -48,6 +48,7 @@ def put_in_place(path: Path) -> Iterator[Path]:
     unfinished = path.with_name(f'.{path.name}.{os.getpid()}.tmp')
     try:
         with naming_file(path):
+            path.parent.mkdir(parents=True, exist_ok=True)
             yield unfinished
         unfinished.replace(path)
     finally:
@@ -61,7 +62,7 @@ def write_atomically(path: Path, content: bytes | str) -> None:
     Parameters
     ----------
     path : Path
-        The file; its directory is made when missing.
+        The file; as for `put_in_place`.
     content : bytes or str
         What to write; text becomes UTF-8, its line ends unchanged. Bytes of a file name that are
         no text are escaped.
@@ -73,7 +74,6 @@ def write_atomically(path: Path, content: bytes | str) -> None:
         then untouched.
 
     """
-    path.parent.mkdir(parents=True, exist_ok=True)
     with put_in_place(path) as unfinished:
         unfinished.write_bytes(
             content.encode(errors='backslashreplace') if isinstance(content, str) else content)

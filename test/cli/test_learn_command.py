@@ -91,6 +91,19 @@ def test_an_interrupted_learning_goes_on_where_it_was(scan, capsys):
         assert (Path('learned') / name).read_bytes() == (Path('whole') / name).read_bytes()
 
 
+def test_learning_goes_on_after_a_run_that_was_killed(scan, capsys):
+    assert learn('--runs', '1') == 0
+    killed = Path('learned/bags/001/001_0.mcap')
+    killed.parent.mkdir()
+    killed.write_bytes(b'the beginning of a bag')
+    assert learn('--resume', '--runs', '2') == 0
+    assert '1 runs are there already' in capsys.readouterr().out
+    assert killed.read_bytes() == b'the beginning of a bag'
+    assert len(errors()) == 2
+    assert learn('--resume', '--runs', '3') == 0
+    assert '2 runs are there already' in capsys.readouterr().out
+
+
 def test_a_run_that_fails_leaves_what_was_learned(scan, calibrated):
     request, plan = read_planned_scan(scan)
     learning = ScanLearning(

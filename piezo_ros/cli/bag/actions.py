@@ -22,6 +22,7 @@ from piezo_ros.bag import STREAMS, open_recording, salvage
 from piezo_ros.bag.recording_date import recorded_utc
 from piezo_ros.cli.bag.outcome import guarded
 from piezo_ros.cli.shared.bag_options import add_bag_options, bag_options
+from piezo_ros.cli.shared.outputs import OutputPath
 from piezo_ros.parameters.role_parameters import full_name
 
 __all__ = ['add_actions']
@@ -37,7 +38,8 @@ def add_actions(kinds: Any) -> None:
     for action in (info, rescue):
         action.add_argument('bag', type=Path, metavar='BAG')
     add_bag_options(info)
-    rescue.add_argument('-o', '--output', type=Path, required=True, metavar='DIR')
+    rescue.add_argument(
+        '-o', '--output', type=Path, action=OutputPath, required=True, metavar='DIR')
     info.set_defaults(function=lambda options: guarded(_info, options))
     rescue.set_defaults(function=lambda options: guarded(_salvage, options))
 

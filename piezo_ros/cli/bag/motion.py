@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from piezo_ros.bag import STREAMS, BagError, open_recording
-from piezo_ros.cli.bag.outcome import add_output, unless_there
+from piezo_ros.cli.bag.outcome import add_output, guarded
 from piezo_ros.cli.shared.bag_options import add_bag_options, bag_options
 from piezo_ros.cli.shared.option_types import TIME_S
 from piezo_ros.control.tables.motion_table import (
@@ -56,7 +56,7 @@ def add_actions(kinds: Any) -> None:
     motion.add_argument(
         '--repeat-from-s', type=TIME_S, metavar='T',
         help='repeat for ever what is from this simulated time on (default: played once)')
-    motion.set_defaults(function=lambda options: unless_there(_motion, options))
+    motion.set_defaults(function=lambda options: guarded(_motion, options))
 
 
 def _motion(options: argparse.Namespace) -> tuple[str, ...]:

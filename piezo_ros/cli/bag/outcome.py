@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the actions of ``piezo bag`` share: errors, losses, files that are there already."""
+"""What the actions of ``piezo bag`` share: errors, losses, the file to write."""
 
 import argparse
 import sys
@@ -21,14 +21,18 @@ from pathlib import Path
 
 from piezo_ros.bag import BagError
 from piezo_ros.cli.shared.exit_codes import EXIT_DONE, EXIT_FAILED, EXIT_LOSS
-from piezo_ros.cli.shared.outputs import check_output
+from piezo_ros.cli.shared.outputs import OutputFile
 
-__all__ = ['add_output', 'guarded', 'unless_there']
+__all__ = ['add_output', 'guarded']
 
 
-def add_output(action: argparse.ArgumentParser) -> None:
-    """Add the options of a file to write."""
-    action.add_argument('-o', '--output', type=Path, required=True, metavar='FILE')
+def add_output(
+    action: argparse.ArgumentParser, check_name: Callable[[Path], None] = lambda path: None,
+) -> None:
+    """Add the options of a file to write, of which the name is checked."""
+    action.add_argument(
+        '-o', '--output', type=Path, action=OutputFile, check_name=check_name, required=True,
+        metavar='FILE')
     action.add_argument('--force', action='store_true', help='replace the file')
 
 
@@ -44,11 +48,3 @@ def guarded(
     for loss in lost:
         print(f'piezo: {loss}', file=sys.stderr)
     return EXIT_LOSS if lost else EXIT_DONE
-
-
-def unless_there(
-    action: Callable[[argparse.Namespace], tuple[str, ...]], options: argparse.Namespace,
-) -> int:
-    """Do an action that writes a file, see `check_output`."""
-    check_output(options.output, force=options.force)
-    return guarded(action, options)

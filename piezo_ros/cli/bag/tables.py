@@ -22,9 +22,10 @@ from typing import Any, Final
 from piezo_ros.bag import STREAMS, open_recording
 from piezo_ros.bag.tables.export_table import check_export_suffix, export_table
 from piezo_ros.bag.tables.import_table import REST, ImportChoice, ImportedBag, import_table
-from piezo_ros.cli.bag.outcome import add_output, guarded, unless_there
+from piezo_ros.cli.bag.outcome import add_output, guarded
 from piezo_ros.cli.shared.bag_options import add_bag_options, bag_options
 from piezo_ros.cli.shared.option_types import FILE_TIME_S, SAMPLE_PERIOD_S, Number
+from piezo_ros.cli.shared.outputs import OutputPath
 from piezo_ros.parameters.errors import PlanError
 from piezo_ros.report.files import put_in_place
 
@@ -54,13 +55,14 @@ def add_actions(kinds: Any) -> None:
         'export', help='aligned samples as CSV, MAT, HDF5, NumPy or Parquet, by the suffix of FILE')
     export.add_argument('bag', type=Path, metavar='BAG')
     add_bag_options(export)
-    add_output(export)
-    export.set_defaults(function=_export_checked)
+    add_output(export, check_name=check_export_suffix)
+    export.set_defaults(function=lambda options: guarded(_export, options))
 
 
 def _add_import(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('table', type=Path, metavar='FILE')
-    parser.add_argument('-o', '--output', type=Path, required=True, metavar='BAG')
+    parser.add_argument(
+        '-o', '--output', type=Path, action=OutputPath, required=True, metavar='BAG')
     parser.add_argument(
         '--columns', action='extend', nargs='+', default=[], metavar='STREAM=COLUMN[:UNIT]',
         help=f'which column is the time and which is which stream: time, {", ".join(STREAMS)} '
@@ -144,11 +146,6 @@ def _summary(imported: ImportedBag) -> str:
         lines.append(f'  {stream:13}{lowest:.4g} … {highest:.4g} {unit}, from {column}')
     lines += [*imported.notes, f'bag: {imported.path}']
     return '\n'.join(lines)
-
-
-def _export_checked(options: argparse.Namespace) -> int:
-    check_export_suffix(options.output)
-    return unless_there(_export, options)
 
 
 def _export(options: argparse.Namespace) -> tuple[str, ...]:

@@ -33,7 +33,7 @@ from piezo_ros.cli.shared.exit_codes import (
 )
 from piezo_ros.cli.shared.given_options import refuse_named_option
 from piezo_ros.cli.shared.option_types import TIME_S
-from piezo_ros.cli.shared.outputs import check_output
+from piezo_ros.cli.shared.outputs import OutputDirectory, OutputFile
 from piezo_ros.cli.shared.progress import working
 from piezo_ros.experiment.output_directory import prepare_directory
 from piezo_ros.identification.verdict import Verdict
@@ -90,15 +90,31 @@ class Identified(NamedTuple):
 
 def add_common_arguments(
     kind: argparse.ArgumentParser, *, bags: str | int = '+', report: bool = False,
+    beside: tuple[str, ...] = (),
 ) -> None:
-    """Describe the bags, how many there may be, the output and the part that is taken."""
+    """
+    Describe the bags, how many there may be, the output and the part that is taken.
+
+    Parameters
+    ----------
+    kind : argparse.ArgumentParser
+        The parser of the kind.
+    bags : str or int, optional
+        How many bags there may be, as `argparse` has it.
+    report : bool, optional
+        Whether a page may be drawn.
+    beside : tuple of str, optional
+        Suffixes of further files beside the model and its picture.
+
+    """
     kind.add_argument('bags', type=Path, nargs=bags, metavar='BAG')
     kind.add_argument(
-        '-o', '--output', type=Path, required=True, metavar='FILE', help='model file to write')
+        '-o', '--output', type=Path, action=OutputFile, beside=(_PLOT_SUFFIX, *beside),
+        required=True, metavar='FILE', help='model file to write')
     kind.add_argument('--force', action='store_true', help='replace the file')
     if report:
         kind.add_argument(
-            '--report', type=Path, metavar='DIR',
+            '--report', type=Path, action=OutputDirectory, metavar='DIR',
             help='draw fit, residuals and their whiteness: a page in this directory')
     add_bag_options(kind)
     kind.add_argument(
@@ -119,7 +135,7 @@ def add_verdict_arguments(kind: argparse.ArgumentParser) -> None:
 def identify(
     make: Callable[[argparse.Namespace, list[_Source]], Identified], options: argparse.Namespace,
     *, read: Callable[[Recording, int, int], _Source] = Recording.part,  # type: ignore[assignment]
-    further_suffixes: tuple[str, ...] = (), hysteresis: bool = False, next_step: str = '',
+    hysteresis: bool = False, next_step: str = '',
 ) -> int:
     """
     Read the bags, make a model of them, write its files and return the exit code.
@@ -130,8 +146,6 @@ def identify(
         Returns the files and the verdict for the options and the runs.
     options : argparse.Namespace
         The arguments of the command.
-    further_suffixes : tuple of str, optional
-        Suffixes of further files beside the model, which are not replaced without ``--force``.
     read : callable, optional
         Reads the samples of a recording from a first one to before a last one; `Recording.part`
         by default.
@@ -141,13 +155,7 @@ def identify(
         Command that uses the model, with ``{model}`` in place of its file.
 
     """
-    outputs = [options.output, *(
-        options.output.with_suffix(suffix) for suffix in (_PLOT_SUFFIX, *further_suffixes))]
-    for path in outputs:
-        check_output(path, force=options.force)
     directory = getattr(options, 'report', None)
-    if directory is not None:
-        prepare_directory(directory, force=options.force)
     try:
         runs = []
         for path in options.bags:
@@ -156,6 +164,8 @@ def identify(
                     read(*_opened(path, options, hysteresis)), options.allow_loss))
         _refuse_different_periods(runs)
         files, verdict, write_report = make(options, runs)
+        if directory is not None:
+            prepare_directory(directory, force=options.force)
         for path, text in files.items():
             write_atomically(path, text)
         report = None

@@ -74,14 +74,13 @@ def add_kind(kinds: Any) -> None:
         help='known delay (default: 0)')
     kind.add_argument(
         '--fit-delay', action='store_true', help='fit a delay too, with --orders')
-    add_common_arguments(kind, bags='*', report=True)
+    add_common_arguments(kind, bags='*', report=True, beside=(TABLE_SUFFIX,))
     add_response_arguments(kind)
     add_table_arguments(kind)
     add_place_arguments(kind)
     add_verdict_arguments(kind)
     kind.set_defaults(function=lambda options: identify(
-        _make, options, further_suffixes=(TABLE_SUFFIX,),
-        next_step='piezo tune {model} -o controller.yaml'))
+        _make, options, next_step='piezo tune {model} -o controller.yaml'))
 
 
 def _make(options: argparse.Namespace, runs: list[Run]) -> Identified:

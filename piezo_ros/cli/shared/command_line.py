@@ -134,7 +134,9 @@ def _run(arguments: Sequence[str], interruption: Interruption) -> int:
     if interruption.came:  # an import may have caught it
         raise KeyboardInterrupt
     options = parser.parse_args(arguments)
+    from piezo_ros.cli.shared.outputs import check_written  # as much as a command, --help has none
     check_paths(vars(options).values())
+    check_written(parser, options)
     code = options.function(options)
     assert isinstance(code, int)
     return code
@@ -157,7 +159,7 @@ def argument_parser(arguments: Sequence[str]) -> argparse.ArgumentParser:
         prog='piezo', description='Piezo nano-positioning on ROS 2: run, analyse, report.')
     parser.add_argument(
         '--version', action=_Version, nargs=0, help='the version of this package')
-    commands = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
+    commands = parser.add_subparsers(dest='command_name', required=True, metavar='COMMAND')
     if _COMPLETION in os.environ:
         arguments = os.environ.get('COMP_LINE', '').split()
     asked_for = next((word for word in arguments if word in COMMANDS), None)

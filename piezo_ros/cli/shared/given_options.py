@@ -27,7 +27,8 @@ from typing import Any, Final
 
 from piezo_ros.parameters.errors import PlanError
 
-__all__ = ['ACTIONS', 'refuse_named_option', 'refuse_same_twice', 'refuse_without_effect']
+__all__ = [
+    'ACTIONS', 'StoredOption', 'refuse_named_option', 'refuse_same_twice', 'refuse_without_effect']
 
 _NOTES: Final = 'given_options'  # attribute of the parsed options: destination to option and value
 
@@ -63,7 +64,7 @@ class _Noted(argparse.Action):
             raise argparse.ArgumentError(None, str(error)) from None
 
 
-class _Store(_Noted, argparse._StoreAction):
+class StoredOption(_Noted, argparse._StoreAction):
     """One value, or as many as `nargs` says."""
 
 
@@ -96,7 +97,7 @@ class _Extend(_Noted, argparse._ExtendAction):
 
 # What argparse calls them, to those that take their places.
 ACTIONS: Final[dict[Any, type[argparse.Action]]] = {
-    None: _Store, 'store': _Store, 'store_true': _StoreTrue, 'append': _Append,
+    None: StoredOption, 'store': StoredOption, 'store_true': _StoreTrue, 'append': _Append,
     'append_any': _AppendAny, 'extend': _Extend, argparse.BooleanOptionalAction: _Boolean,
 }
 

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from piezo_ros.experiment.output_directory import keep_plan, prepare_directory
+from piezo_ros.experiment.output_directory import keep_plan, resume_directory
 from piezo_ros.experiment.sweep.scores_file import ScoresFile
 from piezo_ros.experiment.sweep.sweep_plan import SweepPlan
 from piezo_ros.experiment.sweep.table import write_table
@@ -90,7 +90,7 @@ def open_sweep(plan: SweepPlan, source: Path, directory: Path, *, force: bool) -
 
     """
     record = directory / _RECORD
-    if record.is_file() and not force:
+    if resume_directory(directory, _RECORD, force=force):
         try:
             content = json.loads(record.read_text(encoding='utf-8'))
             version, digest = content['format_version'], content['digest']
@@ -104,7 +104,6 @@ def open_sweep(plan: SweepPlan, source: Path, directory: Path, *, force: bool) -
                 f'{directory} holds the sweep of another plan than {source} is now; only the '
                 'number of draws may change. --force starts anew')
     else:
-        prepare_directory(directory, force=force)
         write_atomically(record, json.dumps(
             {'format_version': FORMAT_VERSION, 'digest': plan.digest}, indent=2) + '\n')
     keep_plan(source, directory)
