@@ -19,7 +19,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from fake_node import activate, configure, fake_node, poll_all
+from fake_node import activate, configure, fake_node, look_after, poll_all
 from fake_transport import PERIOD_S, FakeTransport, take_all
 from paced_device import PacedDevice
 from rclpy.lifecycle import TransitionCallbackReturn
@@ -308,7 +308,7 @@ def test_a_writer_may_leave_while_the_stage_is_demagnetised(start_index, clock):
     step([ring.plant])  # at rest; the triangle is next
     for publisher in list(ring.transport.publishers['/rig/voltage']):
         publisher.destroy()
-    clock.run(2.0, lambda: ring.plant.run.housekeeping(clock.now_s))
+    clock.run(2.0, lambda: look_after(ring.plant, clock.now_s))
     assert take_all(ring.reader) == []
     while ring.plant.running:
         step([ring.plant])
@@ -352,7 +352,7 @@ def test_a_lookahead_that_is_too_short_is_named(clock):
     ring = Ring(lookahead_samples=100)
     ring.begin()
     poll_all(*ring.nodes)
-    clock.run(5.0, lambda: ring.plant.run.housekeeping(clock.now_s))
+    clock.run(5.0, lambda: look_after(ring.plant, clock.now_s))
     assert 'lookahead_samples' in ring.plant.run_state.fault
     assert '100 voltages wait' in ring.plant.run_state.fault
 
@@ -395,7 +395,7 @@ def interrupted(kind, turns, **plant):
         ring.plant.parameters_changed()
     for _ in range(100_000):
         step(ring.nodes)
-        ring.plant.run.housekeeping(ring.plant.run._next_check_s + 1.0)
+        look_after(ring.plant, ring.plant.run._next_check_s + 1.0)
         if not ring.plant.running or (
                 kind == 'silent writer' and not ring.plant.readers['voltage'].received):
             break

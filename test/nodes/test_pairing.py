@@ -171,6 +171,34 @@ def test_a_plant_that_ends_before_the_trajectory_stops_the_run():
     assert state.reason == '/rig/displacement ended at sample 10, before the trajectory'
 
 
+@pytest.mark.parametrize('scheme', ['fbff', 'ff'])
+def test_a_trajectory_that_is_stopped_between_its_two_streams_stops_the_run(scheme):
+    paired = Paired(scheme=scheme)
+    paired.send('displacement', 1)
+    paired.send('feedforward', 10)
+    paired.inputs['feedforward'].end()
+    paired.commands()
+    assert paired.node.running
+    paired.send('reference', 20)
+    paired.send('displacement', 20)
+    state = paired.node.run_state
+    assert (state.result, state.by_peer, state.has_failed) == ('stopped', True, False)
+    assert state.reason == '/rig/feedforward ended at sample 10, before /rig/reference'
+    assert paired.output.next_index == 10
+
+
+def test_streams_of_one_length_end_the_run_well_whichever_end_comes_first():
+    paired = Paired(scheme='fbff')
+    for stream in ('feedforward', 'displacement', 'reference'):
+        paired.send(stream, 20)
+    paired.inputs['feedforward'].end()
+    paired.commands()
+    paired.inputs['reference'].end()
+    paired.commands()
+    assert paired.output.ended
+    assert paired.node.running
+
+
 def test_a_gap_of_one_input_ends_the_run_after_what_came_before():
     paired = Paired()
     for stream in INPUTS:

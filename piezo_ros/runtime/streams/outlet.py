@@ -21,6 +21,7 @@ from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from std_msgs.msg import Float64MultiArray
 
+from piezo_ros.runtime.streams.fault import SendGivenUpError
 from piezo_ros.runtime.streams.owner import StreamOwner
 from piezo_ros.runtime.streams.qos import STREAM
 from piezo_ros.runtime.streams.writer_names import node_of_endpoint
@@ -61,7 +62,22 @@ class Outlet:
         self.publish_raw: Any = self.publisher.handle.publish_raw
 
     def publish(self, raw: bytes | bytearray, index: int) -> None:
-        """Publish a block; ``index`` of its first sample is for the warning."""
+        """
+        Publish a block.
+
+        Parameters
+        ----------
+        raw : bytes or bytearray
+            The block.
+        index : int
+            Index of its first sample, for messages.
+
+        Raises
+        ------
+        SendGivenUpError
+            If a reader does not take, and the node shall stop.
+
+        """
         try:
             self.publish_raw(raw)
         except _rclpy.RCLError:
@@ -69,9 +85,14 @@ class Outlet:
             self.publish_patiently(raw, index)
 
     def publish_patiently(self, raw: bytes | bytearray, index: int) -> None:
-        """Wait for a reader, dropping nothing, unless the node shall stop."""
+        """Wait for a reader, dropping nothing, unless the node shall stop; raises as `publish`."""
         warn_at = time.monotonic() + _PATIENCE_S
-        while not self._node.stop_requested:
+        while True:
+            if self._node.stop_requested:
+                self.is_waiting = False
+                raise SendGivenUpError(
+                    f'{self.publisher.topic_name} was not sent from sample {index} on: a reader '
+                    f'does not take its messages: {self._reader_names()}')
             now = time.monotonic()
             if now >= warn_at:
                 warn_at = now + _WARN_S
