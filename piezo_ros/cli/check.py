@@ -129,6 +129,7 @@ def _check_device(options: argparse.Namespace) -> int:
     from piezo_ros.hardware.checks.device_check import check_device
     from piezo_ros.hardware.chosen_device import choose_device
     from piezo_ros.hardware.device import DeviceError
+    from piezo_ros.interruption import holding_interruption
     from piezo_ros.parameters.hardware_file import read_hardware
     if options.parameters is None:
         print('piezo: give --parameters FILE, which tells the device', file=sys.stderr)
@@ -138,7 +139,11 @@ def _check_device(options: argparse.Namespace) -> int:
         ask_to_drive(f'{hardware.device} {hardware.output_channel}')
     try:
         device = choose_device(hardware.device, hardware.to_mapping())
-        return _tell(check_device(device, options.sample_period_s or 1e-5, options.amplitude))
+        with holding_interruption() as interruption:  # The output is at rest before it raises.
+            findings = [*check_device(
+                device, options.sample_period_s or 1e-5, options.amplitude,
+                interruption.released)]
+        return _tell(findings)
     except DeviceError as error:
         print(f'piezo: {error}', file=sys.stderr)
         return 1
