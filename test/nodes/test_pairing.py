@@ -137,6 +137,22 @@ def test_a_run_that_is_joined_begins_at_the_first_sample_that_all_inputs_have(
     assert paired.output.next_index == first + count
 
 
+def test_a_change_of_a_run_that_is_joined_counts_as_its_streams_do():
+    paired = Paired(first=-1, starts=(700, 700, 700), scheme='fbff')
+    gain = {'proportional_gain': 0.7}
+    assert 'apply_at_sample is 710; at which sample the run begins is not known yet' in (
+        paired.node.change_parameters({**gain, 'apply_at_sample': 710}))
+    assert paired.node.change_parameters({'scheme': 'ff'}) == ''  # from its first sample on
+    for stream in INPUTS:
+        paired.send(stream, 5)
+    assert paired.node.change_parameters({**gain, 'apply_at_sample': 710}) == ''
+    for stream in INPUTS:
+        paired.send(stream, 15)
+    fields = paired.node.status_fields()
+    assert (fields['scheme'], fields['changed_at']) == ('ff', 710)
+    assert 'from sample 700 on: ff' in paired.node.logger.texts['info'][-2]
+
+
 def test_without_feedback_a_run_is_joined_before_the_displacement_has_come():
     paired = Paired(first=-1, starts=(700, 690, 800), scheme='ff')
     paired.send('feedforward', 40)
