@@ -14,6 +14,7 @@
 
 """The hardware plant on topics in memory: bits, refusals, faults, and where the output ends."""
 
+import math
 import random
 from dataclasses import replace
 
@@ -275,6 +276,25 @@ def test_a_device_that_is_gone_is_named_and_its_voltage_is_not_known():
         step(ring.nodes)
     assert 'does not answer' in ring.plant.run_state.fault
     assert ring.plant.status_fields()['voltage_v'] is None
+
+
+@pytest.mark.parametrize('lost_at', [1, 3])
+def test_a_device_that_holds_no_number_is_refused_and_its_voltage_is_not_known(
+        monkeypatch, lost_at):
+    def hold(device):
+        calls.append(device)
+        return held(device) if len(calls) < lost_at else math.nan
+
+    calls, held = [], PacedDevice.hold
+    monkeypatch.setattr(PacedDevice, 'hold', hold)
+    plant = fake_node(
+        HardwarePlant, FakeTransport(), device=PACED, sample_period_s=1e-3,
+        safe_slew_v_per_s=10.0, output_channel='held 1.0')
+    configure(plant)
+    with pytest.raises(ServiceRefusedError, match='holds nan V: the voltage is not known'):
+        plant.initialise()
+    assert plant.status_fields()['voltage_v'] is None
+    assert PacedDevice.devices[-1].is_closed
 
 
 def test_a_stop_while_it_initialises_ends_at_rest(monkeypatch):
