@@ -15,6 +15,7 @@
 """``piezo check``: a node against the contract of its topics, a plan against its rig."""
 
 import argparse
+import math
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
@@ -130,19 +131,27 @@ def _check_device(options: argparse.Namespace) -> int:
     from piezo_ros.hardware.chosen_device import choose_device
     from piezo_ros.hardware.device import DeviceError
     from piezo_ros.interruption import holding_interruption
+    from piezo_ros.parameters.errors import PlanError
     from piezo_ros.parameters.hardware_file import read_hardware
     if options.parameters is None:
         print('piezo: give --parameters FILE, which tells the device', file=sys.stderr)
         return 2
+    period_s = 1e-5 if options.sample_period_s is None else options.sample_period_s
+    if not 0.0 < period_s < math.inf:
+        raise PlanError(f'--sample-period-s is {period_s}, it must be positive and finite')
     hardware = read_hardware(options.parameters)
     if hardware.is_real and not options.yes:
         ask_to_drive(f'{hardware.device} {hardware.output_channel}')
     try:
         device = choose_device(hardware.device, hardware.to_mapping())
+        most_v = device.constraints.highest_voltage_v
+        if not 0.0 < options.amplitude <= most_v:
+            raise PlanError(
+                f'--amplitude is {options.amplitude} V, it must be above 0, and the rails allow '
+                f'{most_v:g} V')
         with holding_interruption() as interruption:  # The output is at rest before it raises.
             findings = [*check_device(
-                device, options.sample_period_s or 1e-5, options.amplitude,
-                interruption.released)]
+                device, period_s, options.amplitude, interruption.released)]
         return _tell(findings)
     except DeviceError as error:
         print(f'piezo: {error}', file=sys.stderr)

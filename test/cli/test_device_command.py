@@ -191,6 +191,21 @@ def test_a_device_is_checked(stage, capsys):
     assert ' 0 wrong' in capsys.readouterr().out
 
 
+@pytest.mark.parametrize(('words', 'said'), [
+    (['--amplitude', '0'], '--amplitude is 0.0 V, it must be above 0, and the rails allow 5 V'),
+    (['--amplitude=-1'], '--amplitude is -1.0 V'),
+    (['--amplitude', 'nan'], '--amplitude is nan V'),
+    (['--amplitude', '5.1'], '--amplitude is 5.1 V'),
+    (['--sample-period-s', '0'], '--sample-period-s is 0.0, it must be positive and finite'),
+    (['--sample-period-s', 'inf'], '--sample-period-s is inf'),
+])
+def test_a_check_that_cannot_be_made_is_refused(stage, capsys, words, said):
+    assert main(['check', 'device', '--parameters', stage(), *words]) == 2
+    out, err = capsys.readouterr()
+    assert said in err
+    assert not out
+
+
 def test_a_check_without_a_file_says_what_is_missing(capsys):
     assert main(['check', 'device']) == 2
     assert '--parameters' in capsys.readouterr().err
