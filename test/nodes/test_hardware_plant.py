@@ -268,6 +268,34 @@ def test_a_starved_stream_is_a_fault_with_its_index_and_ends_at_rest():
     assert_safe(PacedDevice.devices[-1])
 
 
+def test_a_reader_that_does_not_take_keeps_no_voltage_standing(clock, monkeypatch):
+    ring = Ring(prefill_samples=50, read_samples=20, lookahead_samples=200, watchdog_s=2.0)
+    ring.begin()
+    writer = ring.plant.writers['displacement']
+    publish_raw = writer.outlet.publish_raw
+
+    def wait_and_publish(raw):
+        if writer.publisher.refusals:
+            clock.advance(0.1)
+        if not ring.plant.running:
+            held_v.append(ring.plant.status_fields()['voltage_v'])
+        publish_raw(raw)
+
+    held_v = []
+    monkeypatch.setattr(writer.outlet, 'publish_raw', wait_and_publish)
+    while writer.sent < 200:
+        step(ring.nodes)
+    assert ring.plant.status_fields()['voltage_v'] != 0.0
+    writer.publisher.refusals = 100  # 10 s, of which the end waits for the most
+    while ring.plant.running:
+        step(ring.nodes)
+    assert 'has waited at sample' in ring.plant.run_state.fault
+    assert len(held_v) > 50
+    assert set(held_v) == {0.0}
+    assert len(take_all(ring.reader)) == writer.sent
+    assert ring.reader.ended
+
+
 def test_a_device_that_is_gone_is_named_and_its_voltage_is_not_known():
     ring = Ring(device=PACED, output_channel='gone 3', read_samples=2, lookahead_samples=2000,
                 trajectory={**GENTLE, 'periods': 0.2})

@@ -21,7 +21,7 @@ hardly anything.
 
 import numpy as np
 
-from piezo_ros.runtime.streams.fault import SendGivenUpError
+from piezo_ros.runtime.streams.fault import SendGivenUpError, StreamFault
 from piezo_ros.runtime.streams.outlet import Outlet
 from piezo_ros.runtime.streams.owner import StreamOwner
 from piezo_ros.streams import BlockCodec
@@ -38,7 +38,7 @@ class StreamCopy:
     """
     Collects the samples of one output and publishes them in blocks.
 
-    Whatever publishes raises SendGivenUpError as `Outlet.publish`.
+    Whatever publishes raises as `Outlet.publish`.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ class StreamCopy:
         try:
             self.flush(index)
             self._publish(raw)
-        except SendGivenUpError:
+        except (SendGivenUpError, StreamFault):
             self._is_cut = True
             raise
         self._advance(index + count)

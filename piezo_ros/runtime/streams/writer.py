@@ -14,6 +14,7 @@
 
 """The writer of a block stream: numbers the samples and publishes them as serialized blocks."""
 
+import math
 import struct
 from collections.abc import Sequence
 from functools import partial
@@ -103,6 +104,11 @@ class StreamWriter:
         """Whether a reader does not take at present."""
         return self.outlet.is_waiting or bool(self.copy and self.copy.outlet.is_waiting)
 
+    def wait_at_most(self, patience_s: float = math.inf) -> None:
+        """Make it a fault of the run if a reader does not take for so long, by default never."""
+        for outlet in self._outlets:
+            outlet.most_patience_s = patience_s
+
     @property
     def newest(self) -> float:
         """The newest sample, 0 before the first."""
@@ -124,7 +130,7 @@ class StreamWriter:
             self._begin(index)
 
     def publish_one(self, value: float) -> None:
-        """Publish the next sample; raises SendGivenUpError as `Outlet.publish`."""
+        """Publish the next sample; raises as `Outlet.publish`."""
         index = self.next_index
         self._write_numbers(index, self._period_s, value)
         self.outlet.publish(self.message, index)

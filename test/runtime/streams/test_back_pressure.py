@@ -18,7 +18,7 @@ import pytest
 from fake_transport import PERIOD_S, take_all
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
-from piezo_ros.runtime.streams.fault import SendGivenUpError
+from piezo_ros.runtime.streams.fault import SendGivenUpError, StreamFault
 from piezo_ros.runtime.streams.outlet import Outlet
 
 ATTEMPT_S = 0.1  # after which publishing fails while a reader does not take
@@ -101,6 +101,22 @@ def test_a_node_that_shall_stop_gives_up_waiting(writer, reader, owner):
             send()
     assert take_all(reader) == []
     assert not writer.is_waiting
+
+
+def test_a_writer_with_a_limit_makes_a_fault_of_a_longer_wait(writer, reader, owner, clock):
+    writer.wait_at_most(5.0)
+    writer.publisher.refusals = 40  # 4 s
+    writer.publish_one(0.5)
+    writer.publisher.refusals = 70
+    with pytest.raises(StreamFault, match=(
+            '^/rig/voltage has waited at sample 1 for more than 5 s .* messages: /rig/reader$')):
+        writer.publish_one(1.5)
+    assert not writer.is_waiting
+    writer.wait_at_most()
+    writer.publisher.refusals = 200
+    writer.end()
+    assert take_all(reader) == [0.5]
+    assert (reader.ended, reader.gaps) == (True, 0)
 
 
 def test_what_was_given_up_does_not_count_as_sent_and_the_end_comes_in_its_place(
