@@ -148,6 +148,7 @@ def _check_device(options: argparse.Namespace) -> int:
     from piezo_ros.hardware.checks.device_check import check_device
     from piezo_ros.hardware.chosen_device import choose_device
     from piezo_ros.hardware.device import DeviceError
+    from piezo_ros.interruption import holding_interruption
     from piezo_ros.model.parameters import ParameterError
     from piezo_ros.parameters.errors import PlanError
     from piezo_ros.parameters.hardware_file import read_hardware
@@ -160,7 +161,16 @@ def _check_device(options: argparse.Namespace) -> int:
         ask_to_drive(f'{hardware.device} {hardware.output_channel}')
     try:
         device = choose_device(hardware.device, hardware.to_mapping())
-        return _tell(check_device(device, options.sample_period_s or 1e-5, options.amplitude))
+        most_v = device.constraints.highest_voltage_v
+        if not 0.0 < options.amplitude <= most_v:
+            raise PlanError(
+                f'--amplitude is {options.amplitude} V, it must be above 0, and the rails allow '
+                f'{most_v:g} V')
+        with holding_interruption() as interruption:  # The output is at rest before it raises.
+            findings = [*check_device(
+                device, options.sample_period_s or 1e-5, options.amplitude,
+                interruption.released)]
+        return _tell(findings)
     except ParameterError as error:
         raise PlanError(f'{options.parameters}: {error}') from None
     except DeviceError as error:

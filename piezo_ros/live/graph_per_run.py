@@ -19,7 +19,7 @@ from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import Any, Final
 
-from piezo_ros.live.node_status import voltage_at_the_end
+from piezo_ros.live.node_status import has_begun, voltage_at_the_end
 from piezo_ros.live.process_group import POLL_S
 from piezo_ros.live.rescue import rescue
 from piezo_ros.live.run_parameters import rig_file, run_parameters
@@ -225,6 +225,8 @@ class LiveRun:
         self.planned = planned
         self._statuses = supervisor.statuses
         self._processes = supervisor.processes
+        self._processes.has_begun = self._has_begun
+        self._take_statuses = supervisor.take_statuses
         self._recorded: RunningTime | None = None  # since all is recorded
         self._stopped_early: dict[str, str] = {}
         self._faults_before_stop: list[str] = []
@@ -242,6 +244,15 @@ class LiveRun:
         # The last statuses may be on their way, or their writers not discovered yet.
         self._recorded = self._recorded or RunningTime()
         return self._recorded.elapsed_s() > _LAST_STATUS_S
+
+    def _has_begun(self, name: str) -> bool:
+        """Return whether a process that has ended well had begun the run, as far as is known."""
+        self._take_statuses()  # It has waited until they were here.
+        nodes = self.planned.nodes if name == 'loop' else (name,)
+        own = [status for node, status in self._statuses.items() if node in nodes]
+        # One that is not discovered yet has begun if another has: each waits for its peers.
+        known = own or list(self._statuses.values())
+        return not known or any(map(has_begun, known))
 
     def finished(self) -> bool:
         """Return whether every node has come to the end of the run."""
@@ -293,12 +304,13 @@ class LiveRun:
         for node, reason in self._stopped_early.items():
             name = node if node in self._processes else 'loop'
             return [f'{name} was stopped: {reason}', *faults]
-        for name in self._processes.blamed:
+        for name, code in self._processes.blamed.items():
             # A process that is told to end before its run is over fails, as it should.
             if not stopped or faults:
                 reason = self._statuses.get(name, {}).get('reason', '')
                 others = [fault for fault in faults if fault != f'{name}: {reason}']
-                return [f'{name} failed' + (f': {reason}' if reason else ''), *others]
+                how = how_it_ended(code)
+                return [f'{name} {how}' + (f': {reason}' if reason else ''), *others]
         return [] if stopped else self._cut_short()
 
     def _cut_short(self) -> list[str]:

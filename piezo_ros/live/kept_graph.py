@@ -28,7 +28,7 @@ from typing import Any, Final
 from lifecycle_msgs.msg import Transition
 
 from piezo_ros.live.node_services import NodeServices
-from piezo_ros.live.node_status import voltage_at_the_end
+from piezo_ros.live.node_status import has_begun, voltage_at_the_end
 from piezo_ros.live.rescue import rescue
 from piezo_ros.live.run_parameters import run_parameters
 from piezo_ros.live.supervisor import Supervisor
@@ -60,6 +60,7 @@ class KeptGraph:
         self._services = NodeServices(supervisor)
         # Node -> what its topics were made of, of all that are configured.
         self._configured: dict[str, dict[str, Any]] = {}
+        supervisor.processes.has_begun = self._has_begun
         logs = directory / 'logs'
         logs.mkdir(parents=True, exist_ok=True)
         arguments = [*supervisor.arguments, '-p', 'autostart:=false', '-p', 'linger_s:=-1.0']
@@ -139,6 +140,13 @@ class KeptGraph:
         statuses = [self._supervisor.statuses[node] for node in nodes]
         own = [status for status in statuses if not status['by_peer']]
         return [f'{status["node"]}: {status["reason"]}' for status in own or statuses]
+
+    def _has_begun(self, name: str) -> bool:
+        """Return whether a process that has ended well had begun a run: none ends by itself."""
+        self._supervisor.take_statuses()
+        return any(
+            has_begun(status) for node, status in self._supervisor.statuses.items()
+            if (node == 'recorder') == (name == 'recorder'))
 
     def _state_of(self, node: str) -> str:
         return str(self._supervisor.statuses.get(node, {}).get('state', ''))

@@ -25,7 +25,7 @@ from typing import Any, Final
 
 from piezo_ros.parameters.node_parameters import NODE_PARAMETERS
 
-__all__ = ['BadStatusError', 'parse_status', 'voltage_at_the_end']
+__all__ = ['BadStatusError', 'has_begun', 'parse_status', 'voltage_at_the_end']
 
 # What a supervisor reads of a status: types, and what holds where a node says nothing.
 _FIELDS: Final[dict[str, tuple[tuple[type, ...], Any]]] = {
@@ -38,6 +38,7 @@ _FIELDS: Final[dict[str, tuple[tuple[type, ...], Any]]] = {
     'elapsed_s': ((float, int), 0.0),
 }
 _OVER: Final = ('finished', 'faulted', 'stopped', 'inactive', 'unconfigured')
+_BEFORE_ITS_RUN: Final = ('', 'inactive', 'unconfigured')
 _LARGEST: Final = 2**53  # of an integer: more is no index, and no float may hold it
 _SHOWN: Final = 60  # characters of a refused text
 
@@ -82,6 +83,11 @@ def parse_status(text: str) -> dict[str, Any]:
             f'node is {status["node"]!r} in {shown}, it must be one of '
             f'{", ".join(sorted(NODE_PARAMETERS))}')
     return status
+
+
+def has_begun(status: Mapping[str, Any]) -> bool:
+    """Return whether the run of a node has begun, by a status since it was started for it."""
+    return status['state'] not in _BEFORE_ITS_RUN
 
 
 def voltage_at_the_end(plant: Mapping[str, Any], *, killed: bool) -> list[str]:

@@ -19,7 +19,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Final
 
@@ -40,7 +40,9 @@ class ProcessGroup:
     ----------
     blamed : dict of str to int
         Executables that ended otherwise than well, and their exit codes, in the order in which
-        this was noticed; negative for a signal.
+        this was noticed; negative for a signal, 0 for one that ended before its run.
+    has_begun : callable
+        Tells of an executable that has ended with 0 whether its run had begun; by default it had.
     unresponsive : list of str
         Executables that did not end when they were asked to, and were killed by `stop`.
 
@@ -48,6 +50,7 @@ class ProcessGroup:
 
     def __init__(self) -> None:
         self.blamed: dict[str, int] = {}
+        self.has_begun: Callable[[str], bool] = lambda name: True
         self.unresponsive: list[str] = []
         self._processes: dict[str, subprocess.Popen[bytes]] = {}
         self._asked_by: dict[str, list[int]] = {}  # signals that `stop` has sent to each
@@ -80,13 +83,16 @@ class ProcessGroup:
         return any(process.poll() is None for process in self._processes.values())
 
     def dead(self) -> bool:
-        """Return whether a process ended otherwise than well, and remember it."""
+        """Return whether a process ended otherwise than well, or too soon, and remember it."""
         for name, process in self._processes.items():
             code = process.poll()
+            if code is None or name in self.blamed or name in self.unresponsive:
+                continue
+            asked_by = self._asked_by.get(name, ())
             # One that is still to take over its signals dies of what it is asked to end by.
-            asked = code is not None and -code in self._asked_by.get(name, ())
-            if code and not asked and name not in self.unresponsive:
-                self.blamed.setdefault(name, code)
+            if (code and -code not in asked_by) or not (
+                    code or asked_by or self.has_begun(name)):
+                self.blamed[name] = code
         return bool(self.blamed)
 
     def was_killed(self, *names: str) -> bool:

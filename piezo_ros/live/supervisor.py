@@ -237,8 +237,10 @@ class Supervisor:
 
 
 def how_it_ended(code: int) -> str:
-    """Return what to say of a process that ended with an exit code, negative for a signal."""
-    return f'was killed by {signal.Signals(-code).name}' if code < 0 else 'failed'
+    """Return what to say of a process that is blamed, see `ProcessGroup`, for its exit code."""
+    if code < 0:
+        return f'was killed by {signal.Signals(-code).name}'
+    return 'failed' if code else 'ended before its run (exit code 0)'
 
 
 def stopped_by(number: int) -> str:

@@ -24,9 +24,10 @@ from piezo_ros.control.changes import ChangeParameters
 from piezo_ros.control.control_law import ControlLaw, check_command
 from piezo_ros.control.controller import ControllerParameters
 from piezo_ros.nodes.controller_parts.automatic_scheme import AutomaticScheme
+from piezo_ros.nodes.controller_parts.change_request import ChangeRequest
 from piezo_ros.nodes.controller_parts.controller_inputs import ControllerInputs
-from piezo_ros.nodes.controller_parts.input_alignment import unfed_topic
-from piezo_ros.nodes.controller_parts.law_schedule import ChangeRequest, LawSchedule
+from piezo_ros.nodes.controller_parts.input_alignment import reason_to_stop, unfed_topic
+from piezo_ros.nodes.controller_parts.law_schedule import LawSchedule
 from piezo_ros.nodes.controller_parts.make_law import make_law
 from piezo_ros.nodes.controller_parts.target_relay import TargetRelay
 from piezo_ros.nodes.demand import DemandWriter
@@ -158,11 +159,8 @@ class Controller(LoopNode):
             self._commands_ended = True
             self._command.end()
             return True
-        if displacement.ended:
-            # The plant was stopped, or there was a fault, its own or upstream of it.
-            self.stop(
-                f'{displacement.subscription.topic_name} ended at sample '
-                f'{displacement.next_index}, before the trajectory', by_peer=True)
+        if reason := reason_to_stop(displacement, self._paired.targets):
+            self.stop(reason, by_peer=True)
             return True
         return False
 
@@ -179,8 +177,10 @@ class Controller(LoopNode):
 
         def schedule() -> None:
             self._relay.end()
+            is_known = self._command.sent or self.settings.start_index >= 0
             refusals.append(request.add_to(
-                self._schedule, next_index=self._command.next_index, first=self._paired.first,
+                self._schedule, next_index=self._command.next_index,
+                first=self._paired.first if is_known else None,
                 unfed_topic=unfed_topic(self._paired.feedforward)))
 
         self.requests.during_run(schedule)

@@ -155,8 +155,19 @@ class DemandReader:
         why = f'{self.topic_name} is 0: no more samples are demanded'
         if self.writers > 1:
             raise StreamFault(f'{why}; {self.wrong_writers()}')
+        return f'{why}{self._by_writers()}'
+
+    def why_none(self) -> str:
+        """Return why no sample has been demanded in this run, '' where some were."""
+        if self.limit:
+            return ''
+        said = 'nothing' if self.newest is None else '0 alone, which demands no sample'
+        by_writers = self._by_writers() or ' by no node that is known'
+        return f'{self.topic_name} has said {said}; it is written{by_writers}'
+
+    def _by_writers(self) -> str:
         writers = names_of_endpoints(self._node.get_publishers_info_by_topic(self.topic_name))
-        return f'{why} by {writers}' if writers else why
+        return f' by {writers}' if writers else ''
 
     def take(self) -> bool:
         """Take the newest demand; return whether there is a new one."""

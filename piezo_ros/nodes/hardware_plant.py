@@ -82,6 +82,7 @@ class HardwarePlant(LoopNode):
             raise ValueError(refusal)
         self._reader, self._writer = self.readers['voltage'], self.writers['displacement']
         self._watchdog = Watchdog(self._reader)
+        self._writer.wait_at_most(self._safety.watchdog_s)  # The output stands still meanwhile.
         self.in_blocks = not self._hardware.is_on_demand
         try:
             self._output.open()
@@ -167,12 +168,15 @@ class HardwarePlant(LoopNode):
     def parameters_changed(self) -> None:
         """Take over new limits of the watchdog and of the safe slew."""
         self._safety = read(self, SafetyParameters)
+        if self.running:
+            self._writer.wait_at_most(self._safety.watchdog_s)
         self._output.use_slew(self._safety.safe_slew_v_per_s)
 
     def quiesce(self) -> None:
         """Ramp the output to rest and release the device."""
         if self._demand:
             self._demand.end()
+        self._writer.wait_at_most()  # for the end: no limit at rest
         self._output.leave()
 
     def initialise(self) -> str:

@@ -18,8 +18,11 @@ from collections.abc import Sequence
 
 from piezo_ros.nodes.demand import DemandReader
 from piezo_ros.runtime.node.loop_node import LoopNode
+from piezo_ros.runtime.process.running_time import RunningTime
 
 __all__ = ['JointDemand']
+
+_WARN_S = 3.0  # after the start of a run
 
 
 class JointDemand:
@@ -39,14 +42,20 @@ class JointDemand:
     """
 
     def __init__(self, node: LoopNode, namespaces: Sequence[str] = ()) -> None:
+        self._node = node
+        self._waited: RunningTime | None = None  # since the start, until it was looked at
         self._own = DemandReader(node)
         self._others = [DemandReader(node, f'{namespace}/demand') for namespace in namespaces]
 
     @property
     def limit(self) -> int:
         """Samples below this index are demanded."""
-        return min([self._own.limit, *(
-            other.limit for other in self._others if other.newest != 0)])
+        return min(reader.limit for reader in self._awaited)
+
+    @property
+    def _awaited(self) -> list[DemandReader]:
+        """The demands that are waited for."""
+        return [self._own, *(other for other in self._others if other.newest != 0)]
 
     @property
     def ended(self) -> bool:
@@ -55,6 +64,7 @@ class JointDemand:
 
     def start(self) -> None:
         """Begin a run."""
+        self._waited = RunningTime()
         for reader in (self._own, *self._others):
             reader.start()
 
@@ -74,5 +84,13 @@ class JointDemand:
 
     def check_writer(self, timeout_s: float) -> None:
         """Check that every demand that is waited for has its writer, as `DemandReader` does."""
-        for reader in (self._own, *(other for other in self._others if other.newest != 0)):
+        for reader in self._awaited:
             reader.check_writer(timeout_s)
+
+    def warn_of_none(self) -> None:
+        """Warn once in a run, some time after its start, if there is no sample to send yet."""
+        if self._waited is None or self._waited.elapsed_s() < _WARN_S:
+            return
+        self._waited = None
+        if reasons := [why for reader in self._awaited if (why := reader.why_none())]:
+            self._node.get_logger().warning(f'waiting: {"; ".join(reasons)}')

@@ -104,6 +104,7 @@ class Trajectory(LoopNode):
     def watch(self, now_s: float) -> None:
         """End the run when no node is left to demand samples."""
         self._demand.check_writer(self.settings.lost_writer_timeout_s)
+        self._demand.warn_of_none()
 
     def status_fields(self) -> dict[str, Any]:
         """Return the length of the run, and which file is played from which sample on."""

@@ -187,31 +187,71 @@ def test_a_manager_that_ends_it_at_its_question_leaves_the_output_at_rest(paced)
     assert assert_at_rest(log).max() == 4.5
 
 
-@pytest.mark.parametrize('ramps', [(1,), (3, 4), (4,)])
-def test_ctrl_c_cuts_no_ramp_to_rest_off(paced, ramps, monkeypatch, capsys):
-    def ramp_to(device, voltage_v, slew_v_per_s):
-        calls.append(voltage_v)
-        if len(calls) in ramps:
-            os.kill(os.getpid(), signal.SIGINT)
-            for _ in range(1000):
-                pass  # the handler runs between two of these
-        ramped(device, voltage_v, slew_v_per_s)
+@pytest.fixture
+def interrupted(monkeypatch):
+    """Return what does a command of a paced device that Ctrl-C comes to, in some calls of it."""
+    def do(words, method, at):
+        def call(device, *arguments):
+            calls.append(arguments)
+            if len(calls) in at:
+                os.kill(os.getpid(), signal.SIGINT)
+                for _ in range(1000):
+                    pass  # the handler runs between two of these
+            return called(device, *arguments)
 
-    calls, ramped = [], PacedDevice.ramp_to
-    monkeypatch.setattr(PacedDevice, 'ramp_to', ramp_to)
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    try:
-        assert main([*paced[0], '--um', '1', '2']) == 1
-    finally:
-        signal.signal(signal.SIGINT, before)
+        calls, called = [], getattr(PacedDevice, method)
+        monkeypatch.setattr(PacedDevice, method, call)
+        before = signal.signal(signal.SIGINT, signal.default_int_handler)
+        try:
+            return main(words)
+        finally:
+            signal.signal(signal.SIGINT, before)
+
+    return do
+
+
+@pytest.mark.parametrize('ramps', [(1,), (3, 4), (4,)])
+def test_ctrl_c_cuts_no_ramp_to_rest_off(paced, ramps, interrupted, capsys):
+    assert interrupted([*paced[0], '--um', '1', '2'], 'ramp_to', ramps) == 1
     assert 'stopped by SIGINT' in capsys.readouterr().err
     assert_at_rest(paced[1])
+    assert PacedDevice.devices[-1].is_closed
+
+
+CHECK = ['check', 'device', '--yes', '--amplitude', '1.0', '--parameters']
+
+
+@pytest.mark.parametrize(('method', 'at'), [
+    ('open', (2,)), ('hold', (3,)), ('play', (9,)), ('read', (2,)), ('ramp_to', (2, 3)),
+    ('ramp_to', (3, 4)), ('close', (1,))])
+def test_ctrl_c_ends_a_check_with_the_output_at_rest(paced, method, at, interrupted, capsys):
+    words, log = paced
+    assert interrupted([*CHECK, words[-1]], method, at) == 1
+    out, err = capsys.readouterr()
+    assert 'stopped by SIGINT' in err
+    assert 'checks' not in out
+    assert np.fromfile(log)[-1] == 0.0
     assert PacedDevice.devices[-1].is_closed
 
 
 def test_a_device_is_checked(stage, capsys):
     assert main(['check', 'device', '--parameters', stage(), '--amplitude', '1.0']) == 0
     assert ' 0 wrong' in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(('words', 'said'), [
+    (['--amplitude', '0'], '--amplitude is 0.0 V, it must be above 0, and the rails allow 5 V'),
+    (['--amplitude=-1'], '--amplitude is -1.0 V'),
+    (['--amplitude', 'nan'], '--amplitude is nan V'),
+    (['--amplitude', '5.1'], '--amplitude is 5.1 V'),
+    (['--sample-period-s', '0'], '--sample-period-s is 0.0, it must be positive and finite'),
+    (['--sample-period-s', 'inf'], '--sample-period-s is inf'),
+])
+def test_a_check_that_cannot_be_made_is_refused(stage, capsys, words, said):
+    assert main(['check', 'device', '--parameters', stage(), *words]) == 2
+    out, err = capsys.readouterr()
+    assert said in err
+    assert not out
 
 
 def test_a_check_without_a_file_says_what_is_missing(capsys):

@@ -15,11 +15,14 @@
 """The demand: it leads what is consumed, grows only, and ends with zero."""
 
 import pytest
+from fake_node import activate, configure, fake_node, look_after, poll_all
+from fake_transport import PERIOD_S, take_all
 from std_msgs.msg import UInt64
 
 from piezo_ros.model import ParameterError
 from piezo_ros.nodes.demand import DemandReader, DemandWriter
 from piezo_ros.nodes.joint_demand import JointDemand
+from piezo_ros.nodes.trajectory import Trajectory
 from piezo_ros.parameters.node_parameters import BlockParameters
 from piezo_ros.runtime.streams.fault import StreamFault
 from piezo_ros.runtime.streams.qos import EVERY_STATUS, LATCHED
@@ -213,3 +216,66 @@ def test_beside_a_rig_of_one_name_is_the_root():
 def test_what_is_no_namespace_is_refused(given):
     with pytest.raises(ParameterError, match='lockstep_with has .* such as /x, or one beside'):
         BlockParameters(lockstep_with=given)
+
+
+class Waiting:
+    """A trajectory that has begun a run, and who demands its samples."""
+
+    def __init__(self, transport):
+        self.demand = DemandWriter(transport.owner('controller'))
+        self.reference = transport.reader('reference')
+        self.reference.start(0, PERIOD_S)
+        self.node = fake_node(
+            Trajectory, transport, waveform='sine', samples=100, required_readers=0)
+
+    def begin(self):
+        configure(self.node)
+        activate(self.node)
+
+    def wait(self, clock, duration_s):
+        clock.run(duration_s, lambda: (poll_all(self.node), look_after(self.node, clock.now_s)))
+        return self.node.logger.warnings
+
+
+@pytest.fixture
+def waiting(transport):
+    return Waiting(transport)
+
+
+@pytest.mark.parametrize(('is_zero', 'said'), [
+    (True, 'has said 0 alone, which demands no sample'), (False, 'has said nothing')])
+def test_a_trajectory_tells_that_no_sample_is_demanded_and_stops_at_once(
+        waiting, clock, is_zero, said):
+    if is_zero:
+        waiting.demand.end()
+    waiting.begin()
+    assert waiting.wait(clock, 2.0) == []
+    assert waiting.wait(clock, 60.0) == [
+        f'waiting: /rig/demand {said}; it is written by /rig/controller']
+    assert waiting.node.requests.stop() == 'stopped: asked to by ~/stop'
+    assert waiting.reference.take_array().size == 0
+
+
+def test_a_demand_that_comes_late_is_met_without_a_word(waiting, clock):
+    waiting.demand.end()
+    waiting.begin()
+    waiting.wait(clock, 2.0)
+    waiting.demand.start(0, 10)
+    assert waiting.wait(clock, 60.0) == []
+    assert len(take_all(waiting.reference)) == 10
+
+
+def test_the_rig_in_step_that_demands_nothing_is_named(joint, clock):
+    reader, own, other = joint
+    reader.start()
+    own.start(0, 100)
+    reader.take()
+    clock.run(10.0, reader.warn_of_none)
+    assert reader._node.logger.warnings == [
+        'waiting: /rig/y/demand has said nothing; it is written by /rig/controller_of_y']
+    reader.start()
+    own.start(0, 100)
+    other.end()
+    reader.take()
+    clock.run(10.0, reader.warn_of_none)
+    assert len(reader._node.logger.warnings) == 1

@@ -14,12 +14,13 @@
 
 """The hardware plant on topics in memory: bits, refusals, faults, and where the output ends."""
 
+import math
 import random
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from fake_node import activate, configure, fake_node, poll_all
+from fake_node import activate, configure, fake_node, look_after, poll_all
 from fake_transport import PERIOD_S, FakeTransport, take_all
 from paced_device import PacedDevice
 from rclpy.lifecycle import TransitionCallbackReturn
@@ -267,6 +268,34 @@ def test_a_starved_stream_is_a_fault_with_its_index_and_ends_at_rest():
     assert_safe(PacedDevice.devices[-1])
 
 
+def test_a_reader_that_does_not_take_keeps_no_voltage_standing(clock, monkeypatch):
+    ring = Ring(prefill_samples=50, read_samples=20, lookahead_samples=200, watchdog_s=2.0)
+    ring.begin()
+    writer = ring.plant.writers['displacement']
+    publish_raw = writer.outlet.publish_raw
+
+    def wait_and_publish(raw):
+        if writer.publisher.refusals:
+            clock.advance(0.1)
+        if not ring.plant.running:
+            held_v.append(ring.plant.status_fields()['voltage_v'])
+        publish_raw(raw)
+
+    held_v = []
+    monkeypatch.setattr(writer.outlet, 'publish_raw', wait_and_publish)
+    while writer.sent < 200:
+        step(ring.nodes)
+    assert ring.plant.status_fields()['voltage_v'] != 0.0
+    writer.publisher.refusals = 100  # 10 s, of which the end waits for the most
+    while ring.plant.running:
+        step(ring.nodes)
+    assert 'has waited at sample' in ring.plant.run_state.fault
+    assert len(held_v) > 50
+    assert set(held_v) == {0.0}
+    assert len(take_all(ring.reader)) == writer.sent
+    assert ring.reader.ended
+
+
 def test_a_device_that_is_gone_is_named_and_its_voltage_is_not_known():
     ring = Ring(device=PACED, output_channel='gone 3', read_samples=2, lookahead_samples=2000,
                 trajectory={**GENTLE, 'periods': 0.2})
@@ -275,6 +304,25 @@ def test_a_device_that_is_gone_is_named_and_its_voltage_is_not_known():
         step(ring.nodes)
     assert 'does not answer' in ring.plant.run_state.fault
     assert ring.plant.status_fields()['voltage_v'] is None
+
+
+@pytest.mark.parametrize('lost_at', [1, 3])
+def test_a_device_that_holds_no_number_is_refused_and_its_voltage_is_not_known(
+        monkeypatch, lost_at):
+    def hold(device):
+        calls.append(device)
+        return held(device) if len(calls) < lost_at else math.nan
+
+    calls, held = [], PacedDevice.hold
+    monkeypatch.setattr(PacedDevice, 'hold', hold)
+    plant = fake_node(
+        HardwarePlant, FakeTransport(), device=PACED, sample_period_s=1e-3,
+        safe_slew_v_per_s=10.0, output_channel='held 1.0')
+    configure(plant)
+    with pytest.raises(ServiceRefusedError, match='holds nan V: the voltage is not known'):
+        plant.initialise()
+    assert plant.status_fields()['voltage_v'] is None
+    assert PacedDevice.devices[-1].is_closed
 
 
 def test_a_stop_while_it_initialises_ends_at_rest(monkeypatch):
@@ -308,7 +356,7 @@ def test_a_writer_may_leave_while_the_stage_is_demagnetised(start_index, clock):
     step([ring.plant])  # at rest; the triangle is next
     for publisher in list(ring.transport.publishers['/rig/voltage']):
         publisher.destroy()
-    clock.run(2.0, lambda: ring.plant.run.housekeeping(clock.now_s))
+    clock.run(2.0, lambda: look_after(ring.plant, clock.now_s))
     assert take_all(ring.reader) == []
     while ring.plant.running:
         step([ring.plant])
@@ -352,7 +400,7 @@ def test_a_lookahead_that_is_too_short_is_named(clock):
     ring = Ring(lookahead_samples=100)
     ring.begin()
     poll_all(*ring.nodes)
-    clock.run(5.0, lambda: ring.plant.run.housekeeping(clock.now_s))
+    clock.run(5.0, lambda: look_after(ring.plant, clock.now_s))
     assert 'lookahead_samples' in ring.plant.run_state.fault
     assert '100 voltages wait' in ring.plant.run_state.fault
 
@@ -395,7 +443,7 @@ def interrupted(kind, turns, **plant):
         ring.plant.parameters_changed()
     for _ in range(100_000):
         step(ring.nodes)
-        ring.plant.run.housekeeping(ring.plant.run._next_check_s + 1.0)
+        look_after(ring.plant, ring.plant.run._next_check_s + 1.0)
         if not ring.plant.running or (
                 kind == 'silent writer' and not ring.plant.readers['voltage'].received):
             break

@@ -137,6 +137,22 @@ def test_a_run_that_is_joined_begins_at_the_first_sample_that_all_inputs_have(
     assert paired.output.next_index == first + count
 
 
+def test_a_change_of_a_run_that_is_joined_counts_as_its_streams_do():
+    paired = Paired(first=-1, starts=(700, 700, 700), scheme='fbff')
+    gain = {'proportional_gain': 0.7}
+    assert 'apply_at_sample is 710; at which sample the run begins is not known yet' in (
+        paired.node.change_parameters({**gain, 'apply_at_sample': 710}))
+    assert paired.node.change_parameters({'scheme': 'ff'}) == ''  # from its first sample on
+    for stream in INPUTS:
+        paired.send(stream, 5)
+    assert paired.node.change_parameters({**gain, 'apply_at_sample': 710}) == ''
+    for stream in INPUTS:
+        paired.send(stream, 15)
+    fields = paired.node.status_fields()
+    assert (fields['scheme'], fields['changed_at']) == ('ff', 710)
+    assert 'from sample 700 on: ff' in paired.node.logger.texts['info'][-2]
+
+
 def test_without_feedback_a_run_is_joined_before_the_displacement_has_come():
     paired = Paired(first=-1, starts=(700, 690, 800), scheme='ff')
     paired.send('feedforward', 40)
@@ -169,6 +185,34 @@ def test_a_plant_that_ends_before_the_trajectory_stops_the_run():
     state = paired.node.run_state
     assert (state.result, state.by_peer, state.has_failed) == ('stopped', True, False)
     assert state.reason == '/rig/displacement ended at sample 10, before the trajectory'
+
+
+@pytest.mark.parametrize('scheme', ['fbff', 'ff'])
+def test_a_trajectory_that_is_stopped_between_its_two_streams_stops_the_run(scheme):
+    paired = Paired(scheme=scheme)
+    paired.send('displacement', 1)
+    paired.send('feedforward', 10)
+    paired.inputs['feedforward'].end()
+    paired.commands()
+    assert paired.node.running
+    paired.send('reference', 20)
+    paired.send('displacement', 20)
+    state = paired.node.run_state
+    assert (state.result, state.by_peer, state.has_failed) == ('stopped', True, False)
+    assert state.reason == '/rig/feedforward ended at sample 10, before /rig/reference'
+    assert paired.output.next_index == 10
+
+
+def test_streams_of_one_length_end_the_run_well_whichever_end_comes_first():
+    paired = Paired(scheme='fbff')
+    for stream in ('feedforward', 'displacement', 'reference'):
+        paired.send(stream, 20)
+    paired.inputs['feedforward'].end()
+    paired.commands()
+    paired.inputs['reference'].end()
+    paired.commands()
+    assert paired.output.ended
+    assert paired.node.running
 
 
 def test_a_gap_of_one_input_ends_the_run_after_what_came_before():

@@ -17,7 +17,7 @@
 from types import MappingProxyType
 
 import pytest
-from fake_node import activate, configure, fake_node, poll_all
+from fake_node import activate, configure, fake_node, look_after, poll_all
 from fake_transport import PERIOD_S, FakeTransport
 
 from piezo_ros.bag import BlockCodec, read
@@ -109,7 +109,7 @@ def test_housekeeping_tells_a_deleted_parameter_file_as_a_fault(
     _poll(node)
     peers.is_complete = True
     file.unlink()
-    node.run.housekeeping(0.0)
+    look_after(node, 0.0)
     assert not node.running
     assert 'parameters.yaml' in node.run_state.fault
     assert _whole_file(tmp_path / 'bag')

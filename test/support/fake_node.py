@@ -30,7 +30,7 @@ from piezo_ros.runtime.node.hooks import NodeHooks
 from piezo_ros.runtime.node.rclpy_node.stream_node import StreamNode
 from piezo_ros.runtime.process import steady_timer
 
-__all__ = ['activate', 'configure', 'fake_hooks', 'fake_node', 'poll_all']
+__all__ = ['activate', 'configure', 'fake_hooks', 'fake_node', 'look_after', 'poll_all']
 
 
 class _OnFakeTransport(FakeOwner):
@@ -132,3 +132,11 @@ def poll_all(*nodes):
     while idle < 3:
         progress = [node.quick(1) for node in nodes if node.running]
         idle = 0 if any(progress) else idle + 1
+
+
+def look_after(node, now_s):
+    """Look after the run of a node as the stream loop does."""
+    try:
+        node.run.housekeeping(now_s)
+    except Exception as error:
+        node.run.break_off(error)

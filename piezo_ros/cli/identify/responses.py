@@ -21,7 +21,7 @@ from typing import Final
 
 from piezo_ros.bag import Run
 from piezo_ros.cli.shared.given_options import refuse_without_effect
-from piezo_ros.cli.shared.option_types import SAMPLE_PERIOD_S, SLEW_V_PER_S
+from piezo_ros.cli.shared.option_types import SAMPLE_PERIOD_S, Number
 from piezo_ros.cli.shared.progress import working
 from piezo_ros.control import TrajectoryParameters
 from piezo_ros.experiment.model_file import read_model
@@ -37,6 +37,7 @@ __all__ = [
     'add_response_arguments', 'add_table_arguments', 'response_of', 'response_source',
     'responses']
 
+_SLEW_LIMIT: Final = Number(0.0, 1e9, 'V/s')  # 0: none
 _OF_BAGS: Final = (
     'from_s', 'to_s', 'trajectory', 'excitation', 'estimator', 'slew_limit_v_per_s')
 _OF_PLACES: Final = ('namespace', 'run', 'allow_loss', 'compensator')
@@ -62,7 +63,7 @@ def add_response_arguments(kind: argparse.ArgumentParser) -> None:
         help='take the command from the voltage by the hysteresis of this file: for runs of '
         'the bare actuator')
     kind.add_argument(
-        '--slew-limit-v-per-s', type=SLEW_V_PER_S, metavar='S',
+        '--slew-limit-v-per-s', type=_SLEW_LIMIT, metavar='S',
         help='of the amplifier, where the bag does not say it')
 
 

@@ -20,6 +20,7 @@ It drives the output, with the amplitude that it is given.
 
 import math
 from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, nullcontext
 from functools import partial
 from typing import Final, NamedTuple
 
@@ -50,9 +51,10 @@ class DeviceFinding(NamedTuple):
 
 def check_device(
     device: Device, sample_period_s: float, amplitude_v: float,
+    released: Callable[[], AbstractContextManager[None]] = nullcontext,
 ) -> Iterator[DeviceFinding]:
     """
-    Check a device that nothing else uses.
+    Check a device that nothing else uses; whatever happens, its output is left at rest.
 
     Parameters
     ----------
@@ -62,6 +64,8 @@ def check_device(
         Sample period, seconds.
     amplitude_v : float
         How far from zero deviation the output is driven, volts.
+    released : callable, optional
+        Returns the context of what a stop signal may cut off; no ramp to rest is within.
 
     Yields
     ------
@@ -76,9 +80,11 @@ def check_device(
         and c.lowest_voltage_v <= 0.0 <= c.highest_voltage_v, str(c))
     yield _refuses('a rate above its highest', device, lambda: device.open(0.1 / c.highest_rate_hz))
     try:
-        yield from _checks(device, sample_period_s, amplitude_v)
+        yield from _checks(device, sample_period_s, amplitude_v, released)
     except DeviceError as error:
-        yield DeviceFinding('it does what the protocol asks for', False, _named(error))
+        before = f'; before that {_named(error.__context__)}' if error.__context__ else ''
+        yield DeviceFinding(
+            'it does what the protocol asks for', False, f'{_named(error)}{before}')
     finally:
         device.close()
     device.close()
@@ -87,11 +93,20 @@ def check_device(
 
 def _checks(
     device: Device, sample_period_s: float, amplitude_v: float,
+    released: Callable[[], AbstractContextManager[None]],
 ) -> Iterator[DeviceFinding]:
     period_s = device.open(sample_period_s)
-    yield DeviceFinding(
-        'it opens at the sample period', abs(period_s / sample_period_s - 1.0) <= 1e-9,
-        f'{period_s!r} s')
+    try:
+        with released():
+            yield DeviceFinding(
+                'it opens at the sample period', abs(period_s / sample_period_s - 1.0) <= 1e-9,
+                f'{period_s!r} s')
+            yield from _driven(device, amplitude_v)
+    finally:
+        device.ramp_to(0.0, _SLEW * amplitude_v)
+
+
+def _driven(device: Device, amplitude_v: float) -> Iterator[DeviceFinding]:
     yield DeviceFinding('it knows what it holds', math.isfinite(device.hold()), '')
     device.ramp_to(0.0, _SLEW * amplitude_v)
     yield _holds(device, 0.0, amplitude_v, 'a ramp to rest')
@@ -103,7 +118,6 @@ def _checks(
     yield from _alignment(device, amplitude_v)
     if device.constraints.streams:
         yield from _streams(device, amplitude_v)
-    device.ramp_to(0.0, _SLEW * amplitude_v)
 
 
 def _holds(
@@ -142,7 +156,7 @@ def _refuses(what: str, device: Device, action: Callable[[], object]) -> DeviceF
     return DeviceFinding(f'it refuses {what}', False, 'it took it')
 
 
-def _named(error: Exception) -> str:
+def _named(error: BaseException) -> str:
     return f'{type(error).__name__}: {error}'
 
 

@@ -24,7 +24,13 @@ from piezo_ros.control.control_law import ControlLaw
 from piezo_ros.runtime.streams.fault import StreamFault
 from piezo_ros.runtime.streams.reader import StreamReader
 
-__all__ = ['begin_feedforward', 'join_streams', 'recall_displacement', 'unfed_topic']
+__all__ = [
+    'begin_feedforward',
+    'join_streams',
+    'reason_to_stop',
+    'recall_displacement',
+    'unfed_topic',
+]
 
 
 def join_streams(readers: Sequence[StreamReader]) -> int | None:
@@ -122,6 +128,33 @@ def recall_displacement(
             f'{displacement.subscription.topic_name} begins at sample {displacement.queue_index}, '
             f'feedback at sample {index}')
     return displacement.queue_index == index
+
+
+def reason_to_stop(displacement: StreamReader, targets: Sequence[StreamReader]) -> str:
+    """
+    Return which input has ended so early that no command can follow, '' where none has.
+
+    Parameters
+    ----------
+    displacement : StreamReader
+        The readings.
+    targets : sequence of StreamReader
+        What the scheme needs of the trajectory, the reference first.
+
+    """
+    reference = targets[0]
+    if displacement.ended:
+        # The plant was stopped, or there was a fault, its own or upstream of it.
+        return _ended_before(displacement, 'the trajectory')
+    # The trajectory was stopped when it had sent one of its streams.
+    short = [reader for reader in targets if reader.ended and not reader.queue]
+    if short and reference.queue:
+        return _ended_before(short[0], reference.subscription.topic_name)
+    return ''
+
+
+def _ended_before(reader: StreamReader, what: str) -> str:
+    return f'{reader.subscription.topic_name} ended at sample {reader.next_index}, before {what}'
 
 
 def unfed_topic(feedforward: StreamReader) -> str:

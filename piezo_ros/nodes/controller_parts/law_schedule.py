@@ -16,19 +16,13 @@
 
 import sys
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 from piezo_ros.control import ControllerParameters
-from piezo_ros.control.changes import (
-    CHANGEABLE,
-    Change,
-    ChangeParameters,
-    changed_law,
-    parse_changes,
-)
+from piezo_ros.control.changes import Change, ChangeParameters, changed_law, parse_changes
 from piezo_ros.model.parameters import ParameterError
 
-__all__ = ['ChangeRequest', 'LawSchedule']
+__all__ = ['LawSchedule']
 
 NEVER = -1
 
@@ -143,56 +137,3 @@ class LawSchedule:
         coming = [Change(index, merged[index]) for index in sorted(merged)]
         self._laws_with(coming)
         self._come(coming)
-
-
-class ChangeRequest(NamedTuple):
-    """What one call changes of a running controller, and at which sample (-1: the next)."""
-
-    values: dict[str, Any]
-    at_sample: int
-
-    @classmethod
-    def among(cls, changes: Mapping[str, Any]) -> 'ChangeRequest':
-        """Return what changed parameters of the node say of gains and scheme."""
-        return cls(
-            {name: changes[name] for name in CHANGEABLE if name in changes},
-            int(changes.get('apply_at_sample', -1)))
-
-    @property
-    def refusal_without_run(self) -> str:
-        """Why it is refused where nothing is to be changed in a run, '' if it is not."""
-        return '' if self.at_sample < 0 else (
-            f'apply_at_sample is {self.at_sample}; it goes with gains or scheme in one call of '
-            'set_parameters_atomically, during a run')
-
-    def add_to(
-        self, schedule: LawSchedule, *, next_index: int, first: int, unfed_topic: str,
-    ) -> str:
-        """
-        Add the change to a schedule, between two samples of a run.
-
-        Parameters
-        ----------
-        schedule : LawSchedule
-            Of the run.
-        next_index, first : int
-            Index of the next sample and of the first one of the run, as the streams count.
-        unfed_topic : str
-            Topic of the feedforward if it has no writer, else ''.
-
-        Returns
-        -------
-        str
-            Why it was not added, '' if it was.
-
-        """
-        at_sample = next_index if self.at_sample < 0 else self.at_sample
-        if at_sample < next_index:
-            return f'apply_at_sample is {at_sample}; the next sample is {next_index} already'
-        try:
-            if unfed_topic and schedule.law.replaced(**self.values).uses_feedforward:
-                return f'scheme is {self.values.get("scheme")!r}, and {unfed_topic} has no writer'
-            schedule.add(at_sample - first, self.values)
-        except ParameterError as error:
-            return str(error)
-        return ''

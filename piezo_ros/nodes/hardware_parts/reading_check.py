@@ -14,12 +14,23 @@
 
 """Checks what a device hands out, before anything is made of it."""
 
+import math
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from piezo_ros.hardware.device import DeviceError
+from piezo_ros.hardware.device import Device, DeviceError
 
-__all__ = ['checked_readings']
+__all__ = ['checked_hold', 'checked_readings']
+
+
+def checked_hold(device: Device) -> float:
+    """Return the voltage that the output of a device holds; raises DeviceError if it is none."""
+    held_v = float(device.hold())
+    if not math.isfinite(held_v):
+        raise DeviceError(
+            f'the device says that its output holds {held_v} V: the voltage is not known')
+    return held_v
 
 
 def checked_readings(readings_um: ArrayLike, first: int, count: int) -> NDArray[np.float64]:

@@ -14,12 +14,14 @@
 
 """Notices a sensor that shows one and the same value whatever the voltage."""
 
+import math
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from piezo_ros.hardware.device import Refused
+from piezo_ros.runtime.streams.sample_queue import SampleQueue
 
 __all__ = ['SensorWatch']
 
@@ -40,7 +42,8 @@ class SensorWatch:
 
     def __init__(self, reach_v: float) -> None:
         self._least_span_v = _SHARE * reach_v
-        self._voltage_v: list[NDArray[np.float64]] = []  # as long as no reading has differed
+        self._unanswered = SampleQueue()  # voltages, as long as no reading has differed
+        self._lowest_v, self._highest_v = math.inf, -math.inf  # of those that were answered
         self._first_um: float | None = None
         self._readings = 0
         self._has_moved = False
@@ -48,7 +51,7 @@ class SensorWatch:
     def play(self, voltage_v: NDArray[np.float64]) -> None:
         """Take note of the next voltages, shape (N,)."""
         if not self._has_moved:
-            self._voltage_v.append(voltage_v)
+            self._unanswered.extend(voltage_v)
 
     def check(self, displacement_um: NDArray[np.float64]) -> None:
         """
@@ -66,14 +69,14 @@ class SensorWatch:
             self._first_um = float(displacement_um[0])
         if np.any(displacement_um != self._first_um):
             self._has_moved = True
-            self._voltage_v.clear()
+            self._unanswered.clear()
             return
         self._readings += displacement_um.size
-        if self._readings < _READINGS:
-            return
-        answered_v = np.concatenate(self._voltage_v)[:self._readings]
-        if answered_v.size and np.ptp(answered_v) > self._least_span_v:
+        answered_v = self._unanswered.pull(displacement_um.size)
+        self._lowest_v = float(answered_v.min(initial=self._lowest_v))
+        self._highest_v = float(answered_v.max(initial=self._highest_v))
+        if self._readings >= _READINGS and self._highest_v - self._lowest_v > self._least_span_v:
             raise Refused(
                 f'the sensor shows {self._first_um:g} um in {self._readings} readings, while the '
-                f'voltage went from {answered_v.min():g} to {answered_v.max():g} V: it is stuck, '
+                f'voltage went from {self._lowest_v:g} to {self._highest_v:g} V: it is stuck, '
                 'off or not connected (input_channel, servo, cable)')

@@ -28,7 +28,7 @@ from piezo_ros.hardware.limits import DriveLimits
 from piezo_ros.hardware.ramp import ramp_voltage
 from piezo_ros.model import ParameterError, RigParameters
 from piezo_ros.nodes.hardware_parts.block_check import BlockCheck
-from piezo_ros.nodes.hardware_parts.reading_check import checked_readings
+from piezo_ros.nodes.hardware_parts.reading_check import checked_hold, checked_readings
 from piezo_ros.nodes.hardware_parts.sensor_watch import SensorWatch
 from piezo_ros.parameters.hardware_parameters import HardwareParameters
 from piezo_ros.parameters.node_parameters import InitialiseParameters
@@ -108,7 +108,7 @@ class StageOutput:
             # Two roundings make 99999.99999999999 Hz of 1e-5 s.
             self.rate_hz = float(f'{1.0 / device.open(self._period_s):.12g}')
             self.identity = device.constraints.identity
-            self.held_v = self.held_before_v = device.hold()
+            self.held_v = self.held_before_v = checked_hold(device)
         except BaseException:
             self.close()
             raise
@@ -130,7 +130,7 @@ class StageOutput:
         self.held_v = self.held_after_v = None  # whatever they are, where this fails
         if self.device.hold() != 0.0:
             self.device.ramp_to(0.0, self._slew_v_per_s)
-        self.held_v = self.held_after_v = self.device.hold()
+        self.held_v = self.held_after_v = checked_hold(self.device)
 
     def demagnetise(self, sensor: SensorWatch) -> Iterator[None]:
         """Drive the decaying triangle and wait at rest; each step may be the last."""

@@ -68,6 +68,7 @@ class ScanPeers:
         self.refusal: str | None = None
         self._node = node
         self._make_client = make_client
+        self._change: TableChange | None = None  # that the refusal is of
         self._asked_s: dict[str, float] = {}
 
     def complete(self) -> bool:
@@ -84,17 +85,18 @@ class ScanPeers:
 
     def change_file(self, change: TableChange) -> None:
         """Ask the trajectory to play another file; until the answer comes, ask again."""
+        self._change = change
         client = self._client('trajectory')
         if client is None or not self._is_due('change', client):
             return
         client.set_parameters_atomically(
             [Parameter('file', value=change.file),
              Parameter('apply_at_sample', value=change.at_sample)],
-            callback=guarded(self._node, self._got_refusal))
+            callback=guarded(self._node, partial(self._got_refusal, change)))
 
     def forget_change(self) -> None:
         """Make ready for another change."""
-        self.refusal = None
+        self.refusal = self._change = None
         self._asked_s.pop('change', None)
 
     def _ask(self, role: str) -> None:
@@ -129,6 +131,8 @@ class ScanPeers:
             for name, value in zip(names, answer.result().values, strict=True)}
         self.parameters[role] = {name: value for name, value in values.items() if value is not None}
 
-    def _got_refusal(self, answer: Any) -> None:
+    def _got_refusal(self, change: TableChange, answer: Any) -> None:
+        if change != self._change:
+            return  # the second answer of a change before this one, which was asked for twice
         result = answer.result().result
         self.refusal = '' if result.successful else (result.reason or 'without a reason')

@@ -22,7 +22,7 @@ from piezo_ros.runtime.node.hooks import NodeHooks
 from piezo_ros.runtime.node.observation import Monitor
 from piezo_ros.runtime.node.rclpy_node.guard import explain
 from piezo_ros.runtime.node.status import Status
-from piezo_ros.runtime.streams.fault import StreamFault
+from piezo_ros.runtime.streams.fault import SendGivenUpError, StreamFault
 
 __all__ = ['Run']
 
@@ -79,7 +79,11 @@ class Run:
         node.quick = node.look
 
     def housekeeping(self, now_s: float) -> None:
-        """Look after peers, time limits and status; called a few times a second."""
+        """
+        Look after peers, time limits and status; called a few times a second.
+
+        What it raises ends the run, see `break_off`.
+        """
         node = self._node
         if not node.running:
             if self._state.is_over and node.is_configured:
@@ -88,14 +92,10 @@ class Run:
             return
         for writer in node.writers.values():
             writer.flush()
-        try:
-            node.watch(now_s)
-            if now_s >= self._next_check_s:
-                self._next_check_s = now_s + _CHECK_PEERS_S
-                self._check_writers()
-        except StreamFault as fault:
-            self.fail(str(fault))
-            return
+        node.watch(now_s)
+        if now_s >= self._next_check_s:
+            self._next_check_s = now_s + _CHECK_PEERS_S
+            self._check_writers()
         self._status.report_if_due(now_s)
 
     def _check_writers(self) -> None:
@@ -110,18 +110,23 @@ class Run:
 
     def break_off(self, error: BaseException) -> None:
         """End the run for whatever was raised while it was served or looked after."""
-        if isinstance(error, StreamFault):
+        if isinstance(error, SendGivenUpError):
+            # Whoever has asked the node to stop ends the run. No sample goes out until then: its
+            # reader would take it for the one that was not sent.
+            self._node.get_logger().warning(str(error))
+            self._node.quick = _answer_nothing
+        elif isinstance(error, StreamFault):
             self.fail(str(error))
         else:
             self._node.get_logger().error(''.join(traceback.format_exception(error)))
             self.fail(f'{type(error).__name__}: {error}')
 
     def finish(self) -> None:
-        """End the run well: pass the end on, come to rest, report."""
+        """End the run well: come to rest, pass the end on, report."""
         self._close('finished', '')
 
     def fail(self, reason: str) -> None:
-        """End the run for a fault: pass the end on, come to rest, report why."""
+        """End the run for a fault: come to rest, pass the end on, report why."""
         if self._node.running:
             self._state.has_failed, self._state.fault = True, reason
             self._node.get_logger().error(f'run ended: {reason}')
@@ -155,9 +160,12 @@ class Run:
         node, state = self._node, self._state
         node.running = False
         state.is_over, state.reason, state.result = True, reason, result
-        for come_to_end in (*(writer.end for writer in node.writers.values()), node.quiesce):
+        # To rest first: a writer may wait for its reader, for as long as that does not take.
+        for come_to_end in (node.quiesce, *(writer.end for writer in node.writers.values())):
             try:
                 come_to_end()
+            except SendGivenUpError as error:
+                node.get_logger().warning(str(error))
             except Exception as error:  # What follows, and the report, must go out all the same.
                 self.note_fault(explain(error))
                 node.get_logger().error(traceback.format_exc())
@@ -168,3 +176,8 @@ class Run:
             node.get_logger().info(
                 f'run {state.number} {state.result}{why}: {node.counts()["samples"]} samples')
         self._status.report(result)
+
+
+def _answer_nothing(_times: int) -> bool:
+    """Stand in for `NodeHooks.look` until the run is ended."""
+    return False

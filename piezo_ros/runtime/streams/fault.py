@@ -12,10 +12,18 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The error that ends a run: a stream cannot go on."""
+"""What keeps a stream from going on: a fault, or a request to stop."""
 
-__all__ = ['StreamFault']
+__all__ = ['SendGivenUpError', 'StreamFault']
 
 
 class StreamFault(Exception):
     """A stream that cannot go on; the text names the topic and what is wrong."""
+
+
+class SendGivenUpError(Exception):
+    """
+    A message that was not sent: its reader does not take, and the node shall stop.
+
+    No fault, but no sample may follow the one that was not sent; the end of the stream may.
+    """

@@ -14,6 +14,7 @@
 
 """A publisher that drops nothing: it waits for a reader that does not take, and says so."""
 
+import math
 import time
 from typing import Any
 
@@ -21,6 +22,8 @@ from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from std_msgs.msg import Float64MultiArray
 
+from piezo_ros.runtime.process.running_time import RunningTime
+from piezo_ros.runtime.streams.fault import SendGivenUpError, StreamFault
 from piezo_ros.runtime.streams.owner import StreamOwner
 from piezo_ros.runtime.streams.qos import STREAM
 from piezo_ros.runtime.streams.writer_names import node_of_endpoint
@@ -48,12 +51,15 @@ class Outlet:
         The publisher of rclpy.
     is_waiting : bool
         Whether a reader has not taken for so long that it was warned of.
+    most_patience_s : float
+        How long to wait for a reader at most, by the running time.
 
     """
 
     def __init__(self, node: StreamOwner, topic: str) -> None:
         self.publisher = node.create_stream_publisher(Float64MultiArray, topic, STREAM)
         self.is_waiting = False
+        self.most_patience_s = math.inf
         self._node = node
         self._is_best_effort = (
             self.publisher.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT)
@@ -61,7 +67,24 @@ class Outlet:
         self.publish_raw: Any = self.publisher.handle.publish_raw
 
     def publish(self, raw: bytes | bytearray, index: int) -> None:
-        """Publish a block; ``index`` of its first sample is for the warning."""
+        """
+        Publish a block.
+
+        Parameters
+        ----------
+        raw : bytes or bytearray
+            The block.
+        index : int
+            Index of its first sample, for messages.
+
+        Raises
+        ------
+        SendGivenUpError
+            If a reader does not take, and the node shall stop.
+        StreamFault
+            If a reader has not taken for too long.
+
+        """
         try:
             self.publish_raw(raw)
         except _rclpy.RCLError:
@@ -69,9 +92,21 @@ class Outlet:
             self.publish_patiently(raw, index)
 
     def publish_patiently(self, raw: bytes | bytearray, index: int) -> None:
-        """Wait for a reader, dropping nothing, unless the node shall stop."""
+        """Wait for a reader, dropping nothing, unless the node shall stop; raises as `publish`."""
         warn_at = time.monotonic() + _PATIENCE_S
-        while not self._node.stop_requested:
+        waited = RunningTime()
+        while True:
+            if self._node.stop_requested:
+                self.is_waiting = False
+                raise SendGivenUpError(
+                    f'{self.publisher.topic_name} was not sent from sample {index} on: a reader '
+                    f'does not take its messages: {self._reader_names()}')
+            if waited.elapsed_s() > self.most_patience_s:
+                self.is_waiting = False
+                raise StreamFault(
+                    f'{self.publisher.topic_name} has waited at sample {index} for more than '
+                    f'{self.most_patience_s:g} s (watchdog_s) for a reader that does not take its '
+                    f'messages: {self._reader_names()}')
             now = time.monotonic()
             if now >= warn_at:
                 warn_at = now + _WARN_S

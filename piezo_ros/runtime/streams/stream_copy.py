@@ -21,6 +21,7 @@ hardly anything.
 
 import numpy as np
 
+from piezo_ros.runtime.streams.fault import SendGivenUpError, StreamFault
 from piezo_ros.runtime.streams.outlet import Outlet
 from piezo_ros.runtime.streams.owner import StreamOwner
 from piezo_ros.streams import BlockCodec
@@ -36,6 +37,8 @@ def copy_topic(stream: str) -> str:
 class StreamCopy:
     """
     Collects the samples of one output and publishes them in blocks.
+
+    Whatever publishes raises as `Outlet.publish`.
 
     Parameters
     ----------
@@ -62,16 +65,18 @@ class StreamCopy:
         self._codec = BlockCodec(stream)
         self._period_s = 0.0
         self._sent = 0
+        self._is_cut = False  # a block was not sent, and is not among the recent samples either
 
     def start(self, index: int, sample_period_s: float) -> None:
         """Begin a run at an index."""
         self._period_s = sample_period_s
+        self._is_cut = False
         self._advance(index)
 
     def flush(self, next_index: int) -> None:
         """Send what has been collected up to an index, at most `due`."""
         count = next_index - self._sent
-        if count > 0:
+        if count > 0 and not self._is_cut:
             at = self._sent % self.recent.size
             self._publish(self._codec.encode(
                 self._sent, self._period_s, self.recent[at:at + count]))
@@ -79,9 +84,20 @@ class StreamCopy:
 
     def pass_on(self, raw: bytes | bytearray, index: int, count: int) -> None:
         """Send a block as it is, after what has been collected before its index."""
-        self.flush(index)
-        self._publish(raw)
+        try:
+            self.flush(index)
+            self._publish(raw)
+        except (SendGivenUpError, StreamFault):
+            self._is_cut = True
+            raise
         self._advance(index + count)
+
+    def end(self, next_index: int) -> None:
+        """Send what has been collected up to an index, and the end behind what was sent."""
+        try:
+            self.flush(next_index)
+        finally:
+            self._publish(self._codec.encode(self._sent, self._period_s, []))
 
     def _publish(self, raw: bytes | bytearray) -> None:
         self.outlet.publish(raw, self._sent)

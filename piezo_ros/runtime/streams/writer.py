@@ -14,6 +14,7 @@
 
 """The writer of a block stream: numbers the samples and publishes them as serialized blocks."""
 
+import math
 import struct
 from collections.abc import Sequence
 from functools import partial
@@ -103,6 +104,11 @@ class StreamWriter:
         """Whether a reader does not take at present."""
         return self.outlet.is_waiting or bool(self.copy and self.copy.outlet.is_waiting)
 
+    def wait_at_most(self, patience_s: float = math.inf) -> None:
+        """Make it a fault of the run if a reader does not take for so long, by default never."""
+        for outlet in self._outlets:
+            outlet.most_patience_s = patience_s
+
     @property
     def newest(self) -> float:
         """The newest sample, 0 before the first."""
@@ -124,7 +130,7 @@ class StreamWriter:
             self._begin(index)
 
     def publish_one(self, value: float) -> None:
-        """Publish the next sample."""
+        """Publish the next sample; raises as `Outlet.publish`."""
         index = self.next_index
         self._write_numbers(index, self._period_s, value)
         self.outlet.publish(self.message, index)
@@ -136,7 +142,7 @@ class StreamWriter:
                 copy.flush(index + 1)
 
     def publish(self, values: Sequence[float] | NDArray[np.float64]) -> None:
-        """Publish the next samples, at least one, as one block."""
+        """Publish the next samples, at least one, as one block; raises as `publish_one`."""
         count, index = len(values), self.next_index
         if count == 1:
             self.publish_one(float(values[0]))
@@ -145,10 +151,11 @@ class StreamWriter:
         numbers[0], numbers[1] = index, self._period_s
         numbers[2:] = values
         self.outlet.publish(raw, index)
-        if self.copy:
-            self.copy.pass_on(raw, index, count)
+        # These are sent, whatever becomes of the copy.
         self.next_index = index + count
         self._write_numbers(index + count - 1, self._period_s, values[-1])
+        if self.copy:
+            self.copy.pass_on(raw, index, count)
 
     def _new_block(self, count: int) -> tuple[bytearray, NDArray[np.float64]]:
         """Make the buffer of the blocks of a length; it is kept unless the block is large."""
@@ -162,15 +169,18 @@ class StreamWriter:
         return block
 
     def flush(self) -> None:
-        """Send what the copy has collected."""
+        """Send what the copy has collected; raises as `publish_one`."""
         if self.copy:
             self.copy.flush(self.next_index)
 
     def end(self) -> None:
-        """Publish the end of the stream, once."""
-        if not self._ended:
-            self._ended = True
-            raw = self._codec.encode(self.next_index, self._period_s, [])
-            self.outlet.publish(raw, self.next_index)
+        """Publish the end of the stream, once, behind what was sent; raises as `publish_one`."""
+        if self._ended:
+            return
+        self._ended = True
+        try:
+            self.outlet.publish(
+                self._codec.encode(self.next_index, self._period_s, []), self.next_index)
+        finally:
             if self.copy:
-                self.copy.pass_on(raw, self.next_index, 0)
+                self.copy.end(self.next_index)

@@ -15,11 +15,13 @@
 """The check of a device finds nothing wrong with a right one, and each fault of a wrong one."""
 
 import math
+from contextlib import suppress
 
 import numpy as np
 import pytest
 
 from piezo_ros.hardware.checks.device_check import check_device
+from piezo_ros.hardware.device import DeviceError
 from piezo_ros.hardware.simulated import SimulatedDevice, SimulatedDeviceParameters
 
 PERIOD_S = 1e-5
@@ -88,3 +90,57 @@ class Advanced(SimulatedDevice):
 def test_a_wrong_device_is_named_wrong(kind, words):
     found = wrong(device(kind))
     assert any(words in what for what in found), found
+
+
+class Left(SimulatedDevice):
+    """Tells what its output held as it was closed."""
+
+    held_at_close = None
+
+    def close(self):
+        with suppress(DeviceError):  # It may be closed.
+            self.held_at_close = super().hold()
+        super().close()
+
+
+class Fails(Left):
+    """It fails once, while its output is at the amplitude."""
+
+    is_lost = False
+
+    def hold(self):
+        held_v = super().hold()
+        if held_v == 1.0 and not self.is_lost:
+            self.is_lost = True
+            raise DeviceError('the cable is off')
+        return held_v
+
+
+def test_a_device_that_fails_is_left_at_rest():
+    made = device(Fails, held_v=2.0)
+    findings = [*check_device(made, PERIOD_S, 1.0)]
+    assert 'the cable is off' in next(f.detail for f in findings if f.right is False)
+    assert made.held_at_close == 0.0
+
+
+class StaysAway(Fails):
+    def ramp_to(self, voltage_v, slew_v_per_s):
+        if self.is_lost:
+            raise DeviceError('no answer')
+        super().ramp_to(voltage_v, slew_v_per_s)
+
+
+def test_of_a_device_that_fails_and_comes_to_no_rest_both_are_told():
+    found = [f for f in check_device(device(StaysAway), PERIOD_S, 1.0) if f.right is False]
+    assert [f.detail for f in found] == [
+        'DeviceError: no answer; before that DeviceError: the cable is off']
+
+
+@pytest.mark.parametrize('number', range(3, 20, 4))
+def test_a_check_that_is_left_leaves_the_device_at_rest(number):
+    made = device(Left, held_v=2.0)
+    findings = check_device(made, PERIOD_S, 1.0)
+    for _ in range(number):
+        next(findings)
+    findings.close()
+    assert made.held_at_close == 0.0

@@ -19,7 +19,8 @@ import pytest
 from piezo_ros.control import ControllerParameters
 from piezo_ros.control.changes import ChangeParameters
 from piezo_ros.model.parameters import ParameterError
-from piezo_ros.nodes.controller_parts.law_schedule import ChangeRequest, LawSchedule
+from piezo_ros.nodes.controller_parts.change_request import ChangeRequest
+from piezo_ros.nodes.controller_parts.law_schedule import LawSchedule
 
 LAW = ControllerParameters(scheme='fb')
 
@@ -67,6 +68,15 @@ def test_a_call_counts_as_the_streams_do_and_the_next_run_forgets_it(schedule):
 def test_a_refusal_leaves_the_schedule_alone(schedule, changes, reason):
     assert ask(schedule, **changes).startswith(reason)
     assert [law.scheme for law in schedule.laws()] == ['fb', 'ff', 'fb']
+
+
+def test_a_sample_of_a_run_that_has_not_joined_its_streams_is_refused(schedule):
+    assert ask(schedule, next_index=0, first=None, proportional_gain=0.7, apply_at_sample=5) == (
+        'apply_at_sample is 5; at which sample the run begins is not known yet (start_index -1); '
+        'call again once commands are sent')
+    assert schedule.change_at == 20
+    assert ask(schedule, next_index=0, first=None, proportional_gain=0.7) == ''
+    assert schedule.change_at == 0  # its first sample
 
 
 def test_a_sample_without_gains_is_refused():

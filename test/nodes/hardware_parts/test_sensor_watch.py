@@ -46,3 +46,23 @@ def test_equal_readings_under_a_moving_voltage_are_refused(block):
 ])
 def test_other_readings_are_taken(voltage_v, displacement_um):
     watch(voltage_v, displacement_um, 50)
+
+
+def test_a_long_rest_before_a_noiseless_sensor_is_kept_as_two_numbers():
+    sensor = SensorWatch(REACH_V)
+    for _ in range(2000):
+        sensor.play(np.zeros(1000))
+        sensor.check(np.full(1000, 2.0))
+    kept = [value for value in vars(sensor).values() if isinstance(value, list)]
+    assert sum(map(len, kept)) == 0
+    sensor.play(np.linspace(0.0, 1.0, 1000))
+    with pytest.raises(Refused, match='in 2001000 readings, while the voltage went from 0 to 1 V'):
+        sensor.check(np.full(1000, 2.0))
+
+
+def test_voltages_ahead_of_the_readings_do_not_count_yet():
+    sensor = SensorWatch(REACH_V)
+    sensor.play(np.append(np.zeros(300), np.linspace(0.0, 3.0, 300)))
+    sensor.check(np.full(300, 2.0))
+    with pytest.raises(Refused):
+        sensor.check(np.full(300, 2.0))

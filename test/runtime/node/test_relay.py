@@ -24,6 +24,7 @@ from piezo_ros.control.controller import ControllerParameters
 from piezo_ros.control.pi_controller import PiController
 from piezo_ros.model import HysteresisParameters, InverseHysteresis
 from piezo_ros.runtime.node.relay import Relay
+from piezo_ros.runtime.streams.fault import SendGivenUpError
 from piezo_ros.runtime.streams.stream_copy import copy_topic
 from piezo_ros.streams import BlockCodec
 
@@ -160,3 +161,17 @@ def test_targets_beside_the_samples_are_used_in_their_place_and_no_further():
     expected_um = reference.answer(0, *targets_um, SAMPLES[:20])
     assert take_all(relayed.answers) == expected_um.tolist()
     assert len(relayed.left) == 1  # the one without targets
+
+
+def test_an_answer_that_is_given_up_does_not_count_as_sent(relayed):
+    for sample in SAMPLES[:3]:
+        relayed.source.publish_one(sample)
+    relayed.look()
+    relayed.writer.publisher.refusals = 1
+    relayed.owner.stop_requested = True
+    with pytest.raises(SendGivenUpError, match='from sample 8 on'):
+        relayed.look()
+    assert (relayed.writer.sent, relayed.reader.received) == (1, 2)
+    relayed.writer.end()
+    assert len(take_all(relayed.answers)) == 1
+    assert relayed.answers.ended

@@ -17,13 +17,13 @@
 import json
 
 import pytest
-from fake_node import activate, configure, fake_node
+from fake_node import activate, configure, fake_node, look_after
 from fake_transport import PERIOD_S, FakeTransport, take_all
 from rclpy.lifecycle import TransitionCallbackReturn
 
 from piezo_ros.nodes.compensator import Compensator
 from piezo_ros.runtime.node.rclpy_node.stream_node import ServiceRefusedError
-from piezo_ros.runtime.streams.fault import StreamFault
+from piezo_ros.runtime.streams.fault import SendGivenUpError, StreamFault
 from piezo_ros.runtime.streams.qos import EVERY_STATUS
 
 
@@ -55,7 +55,7 @@ class Run:
         return [status['state'] for status in statuses], statuses[-1] if statuses else None
 
     def look_after(self, clock, duration_s):
-        clock.run(duration_s, lambda: self.node.run.housekeeping(clock.now_s))
+        clock.run(duration_s, lambda: look_after(self.node, clock.now_s))
 
 
 @pytest.fixture
@@ -176,7 +176,7 @@ def test_stragglers_of_a_stopped_run_are_thrown_away_between_the_runs(run, clock
     run.node.stop('deactivated')
     run.command.publish_one(2.0)
     run.command.end()
-    run.node.run.housekeeping(clock.now_s)
+    look_after(run.node, clock.now_s)
     assert not run.node.readers['command'].subscription.messages
     run.begin_streams()
     activate(run.node)
@@ -275,3 +275,56 @@ def test_a_change_of_a_run_is_refused_while_a_reader_does_not_take(run):
     assert second == (
         '/rig/voltage waits for a reader that does not take its messages; end that reader or call '
         '~/stop')
+
+
+def poll_as_the_stream_loop(node):
+    try:
+        return node.quick(1)
+    except Exception as error:
+        node.run.break_off(error)
+        return True
+
+
+@pytest.mark.parametrize('refusals', [1, 10**9])
+def test_a_run_that_is_stopped_while_its_reader_does_not_take_has_no_gap(run, refusals):
+    run.command.publish([1.0, 2.0])
+    run.node.poll()
+    run.node.writers['voltage'].publisher.refusals = refusals
+    for sample in (3.0, 4.0, 5.0):
+        run.command.publish_one(sample)
+        run.node.stop_requested = True  # while it waits, by ~/stop in another thread
+        poll_as_the_stream_loop(run.node)
+    run.node.run.stop('asked to by ~/stop')
+    assert len(take_all(run.voltage)) == 2
+    assert run.voltage.ended == (refusals == 1)
+    assert (run.state.result, run.state.reason, run.state.has_failed) == (
+        'stopped', 'asked to by ~/stop', False)
+    assert run.statuses()[1]['index'] == 2
+    assert '/rig/voltage was not sent from sample 2 on' in run.node.logger.warnings[0]
+    run.begin_streams()
+    activate(run.node)
+    assert run.node.quick == run.node.look
+
+
+def test_a_copy_that_is_given_up_between_two_samples_is_no_fault(run, clock):
+    def give_up():
+        raise SendGivenUpError('made up')
+
+    run.node.writers['voltage'].flush = give_up
+    run.look_after(clock, 0.1)
+    assert run.node.running
+    assert not run.state.has_failed
+    run.node.stop('SIGINT')
+    assert run.state.result == 'stopped'
+
+
+def test_the_output_comes_to_rest_before_the_end_waits_for_a_reader(run):
+    publisher = run.node.writers['voltage'].publisher
+    publisher.refusals = 3
+    left = []
+    run.node.quiesce = lambda: left.append(publisher.refusals)
+    run.node.run.fail('made up')
+    assert left == [3]
+    assert take_all(run.voltage) == []
+    assert run.voltage.ended
+

@@ -18,6 +18,7 @@ import pytest
 from fake_transport import PERIOD_S, take_all
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
+from piezo_ros.runtime.streams.fault import SendGivenUpError, StreamFault
 from piezo_ros.runtime.streams.outlet import Outlet
 
 ATTEMPT_S = 0.1  # after which publishing fails while a reader does not take
@@ -95,10 +96,42 @@ def test_the_writer_is_waiting_from_the_warning_until_the_message_went(
 def test_a_node_that_shall_stop_gives_up_waiting(writer, reader, owner):
     writer.publisher.refusals = 10**9
     owner.stop_requested = True
-    writer.publish_one(1.5)
-    writer.end()
+    for send in (lambda: writer.publish_one(1.5), lambda: writer.publish([1.5, 2.5]), writer.end):
+        with pytest.raises(SendGivenUpError, match='^/rig/voltage was not sent from sample 0 on: '):
+            send()
     assert take_all(reader) == []
     assert not writer.is_waiting
+
+
+def test_a_writer_with_a_limit_makes_a_fault_of_a_longer_wait(writer, reader, owner, clock):
+    writer.wait_at_most(5.0)
+    writer.publisher.refusals = 40  # 4 s
+    writer.publish_one(0.5)
+    writer.publisher.refusals = 70
+    with pytest.raises(StreamFault, match=(
+            '^/rig/voltage has waited at sample 1 for more than 5 s .* messages: /rig/reader$')):
+        writer.publish_one(1.5)
+    assert not writer.is_waiting
+    writer.wait_at_most()
+    writer.publisher.refusals = 200
+    writer.end()
+    assert take_all(reader) == [0.5]
+    assert (reader.ended, reader.gaps) == (True, 0)
+
+
+def test_what_was_given_up_does_not_count_as_sent_and_the_end_comes_in_its_place(
+        writer, reader, owner):
+    writer.publish([0.5, 1.5])
+    writer.publisher.refusals = 2
+    owner.stop_requested = True
+    with pytest.raises(SendGivenUpError, match='from sample 2 on'):
+        writer.publish([2.5, 3.5])
+    with pytest.raises(SendGivenUpError, match='from sample 2 on'):
+        writer.publish_one(2.5)
+    assert (writer.sent, writer.next_index) == (2, 2)
+    writer.end()
+    assert take_all(reader) == [0.5, 1.5]
+    assert (reader.ended, reader.gaps, reader.refused) == (True, 0, 0)
 
 
 def test_onlookers_are_no_readers(transport, owner):

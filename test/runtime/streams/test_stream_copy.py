@@ -17,6 +17,7 @@
 import pytest
 from fake_transport import PERIOD_S, FakeTransport
 
+from piezo_ros.runtime.streams.fault import SendGivenUpError
 from piezo_ros.runtime.streams.stream_copy import copy_topic
 
 LONGEST = 4
@@ -27,7 +28,8 @@ class Copied:
 
     def __init__(self, first=0):
         transport = FakeTransport()
-        self.writer = transport.writer('voltage', copy_samples=LONGEST)
+        self.owner = transport.owner('writer')
+        self.writer = transport.writer('voltage', self.owner, copy_samples=LONGEST)
         self.stream = transport.subscribe('voltage')
         self.recorded = transport.subscribe(copy_topic('voltage'))
         self.writer.start(first, PERIOD_S)
@@ -116,3 +118,48 @@ def test_a_run_that_learns_where_it_begins_has_a_copy_from_there(copied):
 def test_readers_of_the_copy_count_as_readers(copied):
     assert copied.writer.count_readers() == 2
     assert len(copied.writer.publishers) == 2
+
+
+def give_up(copied, action):
+    """Let the reader of the copy not take while an action sends, and the node stop."""
+    copied.owner.stop_requested = True
+    copied.writer.copy.outlet.publisher.refusals = 1
+    with pytest.raises(SendGivenUpError, match='^/rig/recorded/voltage was not sent'):
+        action()
+
+
+def test_single_samples_that_were_given_up_are_sent_with_the_end(copied):
+    give_up(copied, lambda: copied.send(0, 4))
+    assert copied.writer.sent == 4  # on the stream itself
+    copied.writer.end()
+    assert copied.blocks() == [(0, 4), (4, 0)]
+
+
+@pytest.mark.parametrize('before', [0, 2])
+def test_a_block_that_was_given_up_is_the_end_of_the_copy(copied, before):
+    copied.send(0, before)
+    block = [float(before + k) for k in range(6)]
+    give_up(copied, lambda: copied.writer.publish(block))
+    assert copied.writer.sent == before + 6
+    copied.writer.flush()
+    copied.writer.end()
+    assert copied.blocks() == [(0, 0)]
+    assert len(copied.stream.messages) == before + 2
+
+
+def test_the_copy_ends_also_where_the_end_of_its_stream_is_given_up(copied):
+    copied.send(0, 3)
+    copied.owner.stop_requested = True
+    copied.writer.publisher.refusals = 1
+    with pytest.raises(SendGivenUpError, match='^/rig/voltage was not sent from sample 3 on'):
+        copied.writer.end()
+    assert copied.blocks() == [(0, 3), (3, 0)]
+    copied.writer.end()
+    assert copied.blocks() == []
+
+
+def test_a_new_run_has_a_copy_again(copied):
+    give_up(copied, lambda: copied.writer.publish([0.0, 1.0]))
+    copied.writer.start(0, PERIOD_S)
+    copied.send(0, 4)
+    assert copied.blocks() == [(0, 4)]
