@@ -134,8 +134,8 @@ def test_a_name_that_is_no_device_is_refused(stage, capsys, command, device, sai
 
 
 @pytest.mark.parametrize('words', [
-    ['--amplitude', '0'], ['--amplitude', 'nan'], ['--sample-period-s', '0'],
-    ['--discovery-s', 'nan']])
+    ['--amplitude', '0'], ['--amplitude', '-1'], ['--amplitude', 'nan'],
+    ['--sample-period-s', '0'], ['--sample-period-s', 'inf'], ['--discovery-s', 'nan']])
 def test_a_check_with_a_number_that_is_none_is_a_usage_error(stage, capsys, words):
     with pytest.raises(SystemExit, match='^2$'):
         main(['check', 'device', '--parameters', stage(), *words])
@@ -239,18 +239,10 @@ def test_a_device_is_checked(stage, capsys):
     assert ' 0 wrong' in capsys.readouterr().out
 
 
-@pytest.mark.parametrize(('words', 'said'), [
-    (['--amplitude', '0'], '--amplitude is 0.0 V, it must be above 0, and the rails allow 5 V'),
-    (['--amplitude=-1'], '--amplitude is -1.0 V'),
-    (['--amplitude', 'nan'], '--amplitude is nan V'),
-    (['--amplitude', '5.1'], '--amplitude is 5.1 V'),
-    (['--sample-period-s', '0'], '--sample-period-s is 0.0, it must be positive and finite'),
-    (['--sample-period-s', 'inf'], '--sample-period-s is inf'),
-])
-def test_a_check_that_cannot_be_made_is_refused(stage, capsys, words, said):
-    assert main(['check', 'device', '--parameters', stage(), *words]) == 2
+def test_a_check_beyond_the_rails_is_refused(stage, capsys):
+    assert main(['check', 'device', '--parameters', stage(), '--amplitude', '5.1']) == 2
     out, err = capsys.readouterr()
-    assert said in err
+    assert '--amplitude is 5.1 V, it must be above 0, and the rails allow 5 V' in err
     assert not out
 
 
