@@ -49,7 +49,7 @@ MATRIX = [
     pytest.param(
         *trial, id='{}-{.name}{}'.format(*trial), marks=() if trial in QUICK else pytest.mark.slow)
     for trial in MATRIX])
-def test_a_node_that_dies_ends_the_run_in_good_order(
+def test_a4_a_node_that_dies_ends_the_run_in_good_order(
         rig, start_long, assert_whole, victim, number, processes):
     command = start_long(processes)
     os.kill(rig.nodes(victim)[victim], number)

@@ -29,7 +29,7 @@ NONSENSE = ('not json', '[1]', '{"a": 1}', json.dumps({'node': 'plant', 'index':
 
 @pytest.mark.parametrize('options', [
     ('--composed',), pytest.param(('--keep',), marks=pytest.mark.slow)])
-def test_foreign_statuses_end_no_run(rig, peer, write_plan, options):
+def test_a2_foreign_statuses_end_no_run(rig, peer, write_plan, options):
     """A2: one of them killed every node, without a ramp, and left the bag open."""
     latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     writers = [
@@ -46,7 +46,7 @@ def test_foreign_statuses_end_no_run(rig, peer, write_plan, options):
 
 
 @pytest.mark.slow
-def test_a_node_that_stands_still_for_good_is_not_told_as_the_cause(rig, start_long):
+def test_a6_a_node_that_stands_still_for_good_is_not_told_as_the_cause(rig, start_long):
     """A6: the supervisor has to kill it; what ended the run is the watchdog of the plant."""
     command = start_long('--separate', watchdog_s=2.0)
     os.kill(rig.nodes('trajectory')['trajectory'], signal.SIGSTOP)

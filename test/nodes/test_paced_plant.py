@@ -165,7 +165,7 @@ def test_after_a_fault_the_voltage_is_ramped_to_zero_at_the_safe_slew(drive):
 
 @pytest.mark.parametrize('voltages', [
     [0.1, 0.2, 1e4], [1e6], [1e17], [1e300], [1.7e308], [-1.7e308], [3.0, -1e17]])
-def test_the_ramp_begins_at_the_rail_and_ends(drive, voltages):
+def test_a1_the_ramp_begins_at_the_rail_and_ends(drive, voltages):
     """A1: it began at what was asked for, and at 1e17 V no step made a difference."""
     driven = drive(safe_slew_v_per_s=100.0)
     driven.voltage.publish(voltages)
@@ -187,7 +187,7 @@ def test_the_ramp_begins_at_the_rail_and_ends(drive, voltages):
     assert np.abs(np.diff(driven_v)).max() <= 100.0 * PERIOD_S + resolution_v
 
 
-def test_a_slew_at_which_the_ramp_would_not_end_is_refused(drive):
+def test_a1_a_slew_at_which_the_ramp_would_not_end_is_refused(drive):
     """A1: 1 V/s at 1e-9 s are 1e9 samples for each volt."""
     with pytest.raises(AssertionError, match='safe_slew_v_per_s is 1; .* at least'):
         drive(sample_period_s=1e-9, safe_slew_v_per_s=1.0)

@@ -67,7 +67,7 @@ def _record(rig, words=()):
     return bag
 
 
-def test_a_renamed_plant_with_remapped_streams_gives_the_same_run(rig, expected, tmp_path):
+def test_b13_a_renamed_plant_with_remapped_streams_gives_the_same_run(rig, expected, tmp_path):
     bag = _record(rig)
     run = read(bag)
     assert run.streams == tuple(STREAMS)

@@ -57,7 +57,7 @@ def check(tmp_path):
     'proportional_gian:=0.5', section('/**/controller', 'proportional_gian: 0.5'),
     section('/lab/controller', 'proportional_gian: 0.5'),
     'lab:\n  controller:\n    ros__parameters: {proportional_gian: 0.5}\n'])
-def test_a_misspelt_parameter_is_refused_with_the_nearest_name(check, given):
+def test_b11_a_misspelt_parameter_is_refused_with_the_nearest_name(check, given):
     with pytest.raises(ParameterError) as refused:
         check(given)
     assert "unknown parameter 'proportional_gian' of controller" in str(refused.value)

@@ -49,7 +49,7 @@ def test_every_parameter_of_every_node_is_filled_in(write_plan):
         assert set(run.parameters[node]) == names
 
 
-def test_a_parameter_file_of_a_running_node_is_taken_but_for_what_is_of_rclpy(write_plan):
+def test_b13_a_parameter_file_of_a_running_node_is_taken_but_for_what_is_of_rclpy(write_plan):
     path = write_plan('format_version: 1\nparameter_files: [rig.yaml]\nruns: [{scheme: fb}]\n')
     (path.parent / 'rig.yaml').write_text(
         '/**/plant:\n  ros__parameters:\n    seed: 7\n    use_sim_time: true\n'

@@ -176,7 +176,7 @@ def test_a_node_tells_of_its_own_twin(transport):
     assert '2 nodes have the name /rig/plant' in node.logger.warnings[0]
 
 
-def test_a_run_beside_idle_twins_is_recorded_whole_without_their_parameters(rig, peer):
+def test_b1_a_run_beside_idle_twins_is_recorded_whole(rig, peer):
     twins = [
         rclpy.create_node(name, namespace=rig.namespace, context=peer.node.context)
         for name in ('plant', 'trajectory') for _ in range(2)]

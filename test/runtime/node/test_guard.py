@@ -18,7 +18,7 @@ from fake_transport import FakeTransport
 from piezo_ros.runtime.node.rclpy_node.guard import spin_guarded
 
 
-def test_services_go_on_after_whatever_rclpy_raises(monkeypatch):
+def test_a3_services_go_on_after_whatever_rclpy_raises(monkeypatch):
     monkeypatch.setattr('time.sleep', lambda seconds: None)
     outcomes = [ValueError('a time before 0'), None, OverflowError(), None]
     served = []

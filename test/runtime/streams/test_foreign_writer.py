@@ -98,7 +98,7 @@ def test_a_foreign_end_of_the_demand_is_a_fault_that_names_the_writers(transport
 
 
 @pytest.mark.parametrize('value', [1, 2**63])
-def test_a_foreign_demand_is_a_fault_that_names_the_writers(transport, trajectory, value):
+def test_a12_a_foreign_demand_is_a_fault_that_names_the_writers(transport, trajectory, value):
     publish_demand(transport, value)
     with pytest.raises(StreamFault) as fault:
         trajectory.watch(0.0)

@@ -105,7 +105,7 @@ def test_a_block_of_another_stream_is_refused(reader, transport, owner):
     BlockCodec('voltage').encode(0.5, PERIOD_S, [1.0]),
     BlockCodec('voltage').encode(-1, PERIOD_S, [1.0]),
     BlockCodec('voltage').encode(2**53, PERIOD_S, [1.0])])
-def test_malformed_bytes_are_refused_and_the_stream_goes_on(reader, transport, send, raw):
+def test_a10_malformed_bytes_are_refused_and_the_stream_goes_on(reader, transport, send, raw):
     transport.publish_bytes('voltage', raw)
     send(0, [1.0])
     assert reader.take_array() is None
@@ -115,7 +115,7 @@ def test_malformed_bytes_are_refused_and_the_stream_goes_on(reader, transport, s
 
 
 @pytest.mark.parametrize('take', ['take_array', 'fill'])
-def test_a_message_of_no_bytes_is_refused_and_the_stream_goes_on(
+def test_a10_a_message_of_no_bytes_is_refused_and_the_stream_goes_on(
         reader, transport, send, owner, take):
     transport.publish_bytes('voltage', b'')
     send(0, [1.0])
