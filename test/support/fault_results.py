@@ -100,10 +100,15 @@ def add_results(kind, counts, failures, trials):
 
 
 def _commit():
-    words = ['git', 'describe', '--always', '--dirty', '--abbrev=9']
-    done = subprocess.run(
-        words, cwd=Path(__file__).parent, capture_output=True, text=True, check=False)
-    return done.stdout.strip() or 'unknown'
+    """Return the commit; -dirty where other files than the results of sessions before differ."""
+    def told(*words):
+        done = subprocess.run(
+            ['git', *words], cwd=Path(__file__).parent, capture_output=True, text=True,
+            check=False)
+        return done.stdout.strip()
+
+    changed = told('status', '--porcelain', '--untracked-files=no', '--', ':/', ':!/docs/faults')
+    return (told('describe', '--always', '--abbrev=9') or 'unknown') + '-dirty' * bool(changed)
 
 
 def page(directory):
