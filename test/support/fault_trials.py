@@ -38,7 +38,7 @@ PERIOD_S = 1e-5
 SHORT_PERIODS = 3
 LONG_PERIODS = {'separate': 300, 'composed': 30_000}
 STOPPED_S = 3.0
-SETTLE_S = 6.0  # a run that goes on after the fault is ended then
+LATEST_END_S = 6.0  # a run that goes on after the fault is ended by then, at any moment
 # The handshake of a run waits for a minute, of the time that the processes had.
 END_S = 300.0
 STAY_S = 3.0  # a foreign writer that keeps a run from its begin leaves then
@@ -182,7 +182,7 @@ class FaultTrial:
             for _ in range(MESSAGES)]
 
     def _end_if_it_goes_on(self):
-        deadline = time.monotonic() + SETTLE_S
+        deadline = time.monotonic() + self._generator.uniform(0.0, LATEST_END_S)
         while self.command.exit_code is None and time.monotonic() < deadline:
             time.sleep(0.05)
         if self.command.exit_code is None:
