@@ -39,6 +39,10 @@ _TAG: Final = 'tag:yaml.org,2002:'
 _OTHER_THAN_TYPED: Final = re.compile(r'[-+]?0[0-7_]+|[-+]?[0-9][0-9_]*(:[0-5]?[0-9])+(\.[0-9_]*)?')
 
 
+_NO_TOKEN: Final = (
+    '; lines are indented with blanks, no tabs, and a text that begins with %, @ or ` is quoted')
+
+
 class YamlError(ValueError):
     """A text that is no YAML, or exceeds the bounds; the text of the error says why."""
 
@@ -138,6 +142,8 @@ def _decoded(text: str | bytes) -> str:
 def _place_text(error: yaml.MarkedYAMLError) -> str:
     """Return one line: what is wrong, and where."""
     words = ', '.join(filter(None, (error.problem, error.context)))
+    if 'cannot start any token' in words:  # nor does the parser say which character it is
+        words += _NO_TOKEN
     mark = error.problem_mark or error.context_mark
     return f'line {mark.line + 1}, column {mark.column + 1}: {words}' if mark else words
 

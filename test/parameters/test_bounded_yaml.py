@@ -107,3 +107,9 @@ def test_a_text_of_another_encoding_is_refused_with_what_to_do(text, words):
 
 def test_utf_8_may_have_a_mark_of_the_byte_order():
     assert yaml_content('a: µ'.encode('utf-8-sig'), as_typed=True) == {'a': 'µ'}
+
+
+@pytest.mark.parametrize('text', ['a:\n\tb: 1', 'a: @b', 'a: `b`', 'a: %b'])
+def test_a_character_that_begins_no_text_is_named_by_what_it_may_be(text):
+    with pytest.raises(YamlError, match='indented with blanks, no tabs, and a text that begins'):
+        yaml_content(text)
