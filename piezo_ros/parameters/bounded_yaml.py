@@ -37,8 +37,6 @@ _ENDLESS_NUMBER: Final = re.compile(r'[-+0-9_.:]{400,}')
 _TAG: Final = 'tag:yaml.org,2002:'
 # Octal and base 60 for YAML 1.1 alone: 010 is 8 there, and 1:30 is 90.
 _OTHER_THAN_TYPED: Final = re.compile(r'[-+]?0[0-7_]+|[-+]?[0-9][0-9_]*(:[0-5]?[0-9])+(\.[0-9_]*)?')
-
-
 _NO_TOKEN: Final = (
     '; lines are indented with blanks, no tabs, and a text that begins with %, @ or ` is quoted')
 
