@@ -219,7 +219,7 @@ def test_what_is_no_namespace_is_refused(given):
 
 
 class Waiting:
-    """A trajectory that has begun a run, and who demands its samples."""
+    """A trajectory that has begun a run, and the writer of its demand."""
 
     def __init__(self, transport):
         self.demand = DemandWriter(transport.owner('controller'))

@@ -111,7 +111,7 @@ class Run:
     def break_off(self, error: BaseException) -> None:
         """End the run for whatever was raised while it was served or looked after."""
         if isinstance(error, SendGivenUpError):
-            # Whoever has asked the node to stop ends the run. No sample goes out until then: its
+            # What has asked the node to stop ends the run. No sample goes out until then: its
             # reader would take it for the one that was not sent.
             self._node.get_logger().warning(str(error))
             self._node.quick = _answer_nothing
