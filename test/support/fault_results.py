@@ -49,8 +49,8 @@ A trial fails if any of these does not hold:
   answers the right blocks around it with the right bits.
 * **live**: exit code 0 only for a whole run, no traceback, no process left, the bag readable with
   the samples of the offline simulation, the voltage zero or told as unknown.
-* **starts beside twins**: beside idle nodes of the same full names no process of a composed loop and
-  its recorder dies by a signal that it was not sent; a run that is not interrupted is whole.
+* **starts beside twins**: beside idle nodes of the same full names no process of a composed loop
+  and its recorder dies by a signal that it was not sent; a run that is not interrupted is whole.
 
 A failure stays in the record. Where a later session repeats its number without one, what failed is
 mended: the code or, for what a trial had asked wrongly, the trial.
