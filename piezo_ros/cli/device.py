@@ -116,9 +116,8 @@ def _list(options: argparse.Namespace) -> int:
 
 
 @contextmanager
-def _at_rest(options: argparse.Namespace) -> Iterator[tuple[Device, HardwareParameters]]:
+def _at_rest(options: argparse.Namespace, hardware: HardwareParameters) -> Iterator[Device]:
     """Yield the device of a file, open and at rest, and leave it there whatever happens."""
-    hardware = read_hardware(options.file)
     if hardware.is_real and not options.yes:
         ask_to_drive(f'{hardware.device} {hardware.output_channel}')
     try:
@@ -131,7 +130,7 @@ def _at_rest(options: argparse.Namespace) -> Iterator[tuple[Device, HardwarePara
             device.ramp_to(0.0, options.slew_v_per_s)
             try:
                 with interruption.released():
-                    yield device, hardware
+                    yield device
             finally:
                 device.ramp_to(0.0, options.slew_v_per_s)
         finally:
@@ -139,8 +138,9 @@ def _at_rest(options: argparse.Namespace) -> Iterator[tuple[Device, HardwarePara
 
 
 def _loopback(options: argparse.Namespace) -> int:
+    hardware = read_hardware(options.file)
     try:
-        with _at_rest(options) as (device, hardware):
+        with _at_rest(options, hardware) as device:
             c = device.constraints
             most_v = min(-c.lowest_voltage_v, c.highest_voltage_v)
             if not 0.0 < options.amplitude_v <= most_v:
@@ -165,9 +165,8 @@ def _failed(why: Exception | str) -> int:
     return EXIT_FAILED
 
 
-def _check_points(options: argparse.Namespace) -> None:
+def _check_points(options: argparse.Namespace, hardware: HardwareParameters) -> None:
     """Refuse two points that cannot tell a scale, before anything is driven."""
-    hardware = read_hardware(options.file)
     low_v, high_v = hardware.voltage_minimum_v, hardware.voltage_maximum_v
     for input_v in options.at_v:
         if not low_v <= input_v <= high_v:
@@ -183,9 +182,10 @@ def _check_points(options: argparse.Namespace) -> None:
 
 
 def _calibrate(options: argparse.Namespace) -> int:
-    _check_points(options)
+    hardware = read_hardware(options.file)
+    _check_points(options, hardware)
     try:
-        with _at_rest(options) as (device, hardware):
+        with _at_rest(options, hardware) as device:
             calibration = Calibration.among(hardware.to_mapping())
             (low_v, low_um, low_noise_v), (high_v, high_um, high_noise_v) = [
                 _at_point(device, calibration, hardware, options, which) for which in range(2)]

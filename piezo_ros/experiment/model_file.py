@@ -15,6 +15,7 @@
 """Models that identification and tuning wrote, read back for the next step."""
 
 import math
+import sys
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, TypeVar
@@ -31,9 +32,8 @@ from piezo_ros.parameters.errors import PlanError
 from piezo_ros.parameters.file_lines import with_line
 from piezo_ros.parameters.parameter_file import (
     parameter_sections,
-    read_parameter_file,
-    read_parameter_set,
     read_yaml,
+    set_with_section,
 )
 
 if TYPE_CHECKING:
@@ -109,8 +109,7 @@ def read_model(
     """
     is_dynamics = issubclass(parameter_set, DynamicsParameters)
     node = node or ('trajectory' if is_dynamics else 'compensator')
-    model = read_parameter_set(path, node, parameter_set, assumed)
-    section = read_parameter_file(path, [node])[node]
+    model, section = set_with_section(path, node, parameter_set, assumed)
     missing = missing_of_model(
         section, DynamicsParameters if is_dynamics else HysteresisParameters)
     if missing:
@@ -168,13 +167,19 @@ def read_dynamics(path: Path) -> 'Model':
         raise PlanError(f'{path}: {error}') from None
 
 
+def _is_finite(value: Any) -> bool:
+    """Return whether a value is a number that limits something; True and False are none."""
+    return (
+        isinstance(value, int | float) and not isinstance(value, bool)
+        and abs(value) <= sys.float_info.max)
+
+
 def _check_finite(path: Path, content: Mapping[str, Any], names: Iterable[str]) -> None:
     """Refuse what is no number, or none that limits anything."""
     for name in names:
         value = content[name]
         for each in value if isinstance(value, list) else [value]:
-            if isinstance(each, bool) or not isinstance(each, int | float) or (
-                    not math.isfinite(each)):
+            if not _is_finite(each):
                 raise PlanError(
                     f'{with_line(path, content, name)}: {name} is {value!r}, it must be finite '
                     'numbers')
@@ -212,7 +217,11 @@ def identified_facts(path: Path, section: str) -> dict[str, Any]:
         If the file cannot be read.
 
     """
-    content = read_yaml(path)
+    return _facts(read_yaml(path), section)
+
+
+def _facts(content: Any, section: str) -> dict[str, Any]:
+    """Return a section of what a model file has, empty where it has none."""
     if not isinstance(content, Mapping):
         return {}
     return {
@@ -222,8 +231,9 @@ def identified_facts(path: Path, section: str) -> dict[str, Any]:
 
 def poor_verdict(path: Path) -> str:
     """Return the verdict of a model file that is not to be trusted, '' for any other."""
+    content = read_yaml(path)
     for section in (_DYNAMICS_FACTS, _HYSTERESIS_FACTS):
-        verdict = str(identified_facts(path, section).get('verdict', ''))
+        verdict = str(_facts(content, section).get('verdict', ''))
         if verdict.startswith(_POOR):
             return verdict
     return ''
@@ -239,12 +249,12 @@ def recorded_period_s(path: Path) -> float | None:
         If it is no number above 0.
 
     """
+    content = read_yaml(path)
     for section in (_DYNAMICS_FACTS, _HYSTERESIS_FACTS):
-        value = identified_facts(path, section).get('sample_period_s')
+        value = _facts(content, section).get('sample_period_s')
         if value is None:
             continue
-        if isinstance(value, bool) or not isinstance(value, int | float) or not (
-                0.0 < value < math.inf):
+        if not (_is_finite(value) and value > 0.0):
             raise PlanError(f'{path}: sample_period_s is {value!r}, it must be a number above 0')
         return float(value)
     return None

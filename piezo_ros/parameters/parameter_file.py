@@ -41,6 +41,7 @@ __all__ = [
     'read_parameter_file',
     'read_parameter_set',
     'read_yaml',
+    'set_with_section',
 ]
 
 _SECTION: Final = 'ros__parameters'
@@ -231,12 +232,39 @@ def read_parameter_set(
         If the file says nothing of the node, or something that the node refuses.
 
     """
+    return set_with_section(path, node, parameter_set, assumed)[0]
+
+
+def set_with_section(
+    path: Path, node: str, parameter_set: type[_Set], assumed: Mapping[str, Any] | None = None,
+) -> tuple[_Set, dict[str, Any]]:
+    """
+    Return a parameter set out of a ROS parameter file, and the section that it is made of.
+
+    Parameters
+    ----------
+    path, node, parameter_set, assumed
+        As for `read_parameter_set`.
+
+    Returns
+    -------
+    parameter_set : ParameterSet
+        The set.
+    section : dict of str to value
+        What the file says of the node.
+
+    Raises
+    ------
+    PlanError
+        As from `read_parameter_set`.
+
+    """
     sections = read_parameter_file(path, [node])
     if node not in sections:
         raise PlanError(f'{path} has no section for {node}')
     try:
         values = check_node_parameters(node, {**(assumed or {}), **sections[node]})
-        return parameter_set.among(values)
+        return parameter_set.among(values), sections[node]
     except ParameterError as error:
         where = with_line(path, sections[node], str(error))
         raise PlanError(f'{where}: {error}') from None

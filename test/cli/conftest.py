@@ -16,6 +16,8 @@ from pathlib import Path
 
 import pytest
 
+from piezo_ros.experiment.offline import simulate_run
+from piezo_ros.experiment.plan import read_plan
 from piezo_ros.model import DynamicsParameters, HysteresisParameters, RigParameters
 from piezo_ros.parameters.parameter_file import parameters_yaml, read_parameter_set
 
@@ -57,3 +59,15 @@ def models(calibrated, tmp_path, monkeypatch):
     (tmp_path / 'rig.yaml').write_text(parameters_yaml('/**', {'plant': {
         'slew_limit_v_per_s': calibrated.slew_limit_v_per_s}}))
     return tmp_path
+
+
+@pytest.fixture(scope='module')
+def simulated(tmp_path_factory):
+    """Simulate the first run of a plan, given as text; return its bag."""
+    def simulate(text):
+        directory = tmp_path_factory.mktemp('simulated')
+        (directory / 'plan.yaml').write_text(text)
+        simulate_run(read_plan(directory / 'plan.yaml').runs[0], directory / 'bag')
+        return directory / 'bag'
+
+    return simulate

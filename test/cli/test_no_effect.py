@@ -17,8 +17,6 @@
 import pytest
 
 from piezo_ros.cli.main import main
-from piezo_ros.experiment.offline import simulate_run
-from piezo_ros.experiment.plan import read_plan
 
 PLAN = 'format_version: 1\nscore_periods: 1\nruns: [{scheme: ff, periods: 1.5}]\n'
 PLANNED = 'plan trajectory.yaml --compensator compensator.yaml --plant rig.yaml -o s.yaml'
@@ -56,12 +54,8 @@ COMMANDS = [
 
 
 @pytest.fixture(scope='module')
-def recorded(tmp_path_factory):
-    """Simulate a short run."""
-    directory = tmp_path_factory.mktemp('recorded')
-    (directory / 'plan.yaml').write_text(PLAN)
-    simulate_run(read_plan(directory / 'plan.yaml').runs[0], directory / 'bag')
-    return directory / 'bag'
+def recorded(simulated):
+    return simulated(PLAN)
 
 
 @pytest.mark.parametrize(('words', 'said'), COMMANDS)

@@ -24,8 +24,6 @@ import pytest
 from piezo_ros.cli.main import main
 from piezo_ros.cli.shared.command_line import COMMANDS, argument_parser
 from piezo_ros.cli.shared.outputs import OutputPath
-from piezo_ros.experiment.offline import simulate_run
-from piezo_ros.experiment.plan import read_plan
 
 CONFIG = Path(__file__).parents[2] / 'config'
 PLAN = 'format_version: 1\nscore_periods: 1\nruns: [{scheme: fb, periods: 1.5}]\n'
@@ -160,12 +158,8 @@ FAILING = [
 
 
 @pytest.fixture(scope='module')
-def recorded(tmp_path_factory):
-    """Simulate a short run."""
-    directory = tmp_path_factory.mktemp('recorded')
-    (directory / 'plan.yaml').write_text(PLAN)
-    simulate_run(read_plan(directory / 'plan.yaml').runs[0], directory / 'bag')
-    return directory / 'bag'
+def recorded(simulated):
+    return simulated(PLAN)
 
 
 @pytest.fixture

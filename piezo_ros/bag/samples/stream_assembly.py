@@ -92,6 +92,7 @@ class StreamAssembler:
         self._fill_gaps = fill_gaps
         self._given_start = start_index
         self._gaps: list[tuple[int, int]] = []
+        self._filled = 0  # samples of these gaps; there may be millions of them
         self.start_index = 0
         self.sample_period_s = sample_period_s
         self.count = 0
@@ -115,11 +116,7 @@ class StreamAssembler:
         first, stop = self._gaps[0]
         return (
             f'stream {self.stream!r} has {len(self._gaps)} gap{"s" * (len(self._gaps) > 1)} of '
-            f'{self._filled()} samples, the first from index {first} to {stop - 1}')
-
-    def _filled(self) -> int:
-        """Return how many samples of the gaps before are filled."""
-        return sum(stop - first for first, stop in self._gaps)
+            f'{self._filled} samples, the first from index {first} to {stop - 1}')
 
     def _problem_words(self, problem: str) -> str:
         if not self.left_out:
@@ -142,11 +139,11 @@ class StreamAssembler:
         """
         if not messages.size:
             return
-        before = self.count - self._filled()
+        before = self.count - self._filled
         if self.problem is None:
             self._take(piece, messages)
         if self.problem is not None:
-            taken = self.count - self._filled() - before
+            taken = self.count - self._filled - before
             self.left_out += self._samples_in(piece, messages) - taken
 
     def _samples_in(self, piece: Piece, messages: NDArray[np.int64]) -> int:
@@ -200,8 +197,9 @@ class StreamAssembler:
             return samples
         self._gaps += [(int(due[i]), int(starts[i])) for i in gaps.tolist()]
         places = np.append(0, np.cumsum(counts)[:-1])[gaps]
-        return np.insert(
-            samples, np.repeat(places, (starts - due)[gaps].astype(np.int64)), np.nan)
+        lengths = (starts - due)[gaps].astype(np.int64)
+        self._filled += int(lengths.sum())
+        return np.insert(samples, np.repeat(places, lengths), np.nan)
 
     def _in_order(self, blocks: Blocks, expected: NDArray[np.float64]) -> bool:
         """Return whether the blocks have samples, a place and a sample period as they should."""
@@ -225,7 +223,7 @@ class StreamAssembler:
             expected[1:] = (indices + counts)[:-1]
             sent = expected - self.start_index
             missing = np.where(counts > 0, np.maximum(indices - expected, 0.0), 0.0)
-            fillable = self._filled() + np.cumsum(missing) <= _MOST_FILLED
+            fillable = self._filled + np.cumsum(missing) <= _MOST_FILLED
             expected = np.where((missing > 0) & fillable, indices, expected)
         # An end carries the count of samples sent, which is less where the first index is not 0.
         continues = (indices == expected) | ((counts == 0) & (indices == sent))
