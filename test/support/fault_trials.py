@@ -38,7 +38,7 @@ PERIOD_S = 1e-5
 SHORT_PERIODS = 3
 LONG_PERIODS = {'separate': 300, 'composed': 30_000}
 STOPPED_S = 3.0
-LATEST_END_S = 6.0  # a run that goes on after the fault is ended by then, at any moment
+LATEST_END_S = 3.0  # a run that goes on after the fault is ended by then, at any moment
 # The handshake of a run waits for a minute, of the time that the processes had.
 END_S = 300.0
 STAY_S = 3.0  # a foreign writer that keeps a run from its begin leaves then

@@ -234,7 +234,9 @@ class Rig:
         return found
 
     def destroy(self):
-        for process in self._processes:
+        """End its processes; those of a rig that is destroyed already are not looked at again."""
+        processes, self._processes = self._processes, []
+        for process in processes:
             process.destroy()
             # Pytest shows it where the test failed: the cause is often in another process.
             print(f'process {process.pid} ended with {process.exit_code}; it wrote:')
