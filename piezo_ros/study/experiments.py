@@ -21,6 +21,7 @@ A callable does the runs: on live nodes, or offline with the same steps.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
@@ -32,6 +33,7 @@ from piezo_ros.bag.recorded_node import recorded_parameters
 from piezo_ros.control import ControllerParameters, TrajectoryParameters
 from piezo_ros.experiment.plan import plan_run
 from piezo_ros.experiment.plan.automatic import known_rig
+from piezo_ros.experiment.plan.packaged_plans import packaged_configuration
 from piezo_ros.experiment.recorded_response import recorded_response
 from piezo_ros.identification import (
     DynamicsFit,
@@ -49,6 +51,7 @@ from piezo_ros.identification import (
 from piezo_ros.identification.tuning.loop_shape import loop_shape
 from piezo_ros.identification.tuning.pi_tuning import tune_pi
 from piezo_ros.model import HysteresisParameters, LinearDynamics, RigParameters
+from piezo_ros.parameters.parameter_file import read_parameter_file
 from piezo_ros.parameters.run import PlannedRun
 from piezo_ros.report.metrics import nonlinearity, nrmse, tail
 from piezo_ros.study.results import (
@@ -56,11 +59,16 @@ from piezo_ros.study.results import (
     HarmonicsTrial,
     PaperResults,
     StaticLoop,
+    WarmingResults,
     known_frequency_hz,
 )
+from piezo_ros.study.table_3 import SINE_FREQUENCIES_HZ
 from piezo_ros.study.table_4 import SCHEMES, table_cells
 
-__all__ = ['CREEP', 'Execute', 'PaperExperiments', 'run_error_percent', 'run_experiments']
+__all__ = [
+    'CREEP', 'Execute', 'PaperExperiments', 'rig_that_warms', 'run_error_percent',
+    'run_experiments',
+]
 
 Execute = Callable[[Sequence[PlannedRun]], Iterator[Run]]
 _Floats = NDArray[np.float64]
@@ -71,7 +79,6 @@ _PERCENT: Final = 100.0
 _SWEEP: Final = {'waveform': 'stepped_sine', 'harmonics': 0, 'dwell_s': 0.02}
 # The static experiments are slow and sampled slowly, as in the paper.
 _STATIC: Final = {'sample_period_s': 1e-4}
-_SINE_FREQUENCIES_HZ: Final = tuple(float(f) for f in range(300, 951, 50))
 _RESPONSE_FREQUENCIES_HZ: Final = tuple(float(f'{f:.4g}') for f in np.geomspace(20.0, 2000.0, 20))
 # Creep shows below, where sampling slowly is enough.
 _SLOW_FREQUENCIES_HZ: Final = (1.0, 2.0, 5.0, 10.0)
@@ -157,7 +164,8 @@ def run_experiments(
         table_4_published=study.table_4('published', cells),
         table_4_identified=study.table_4('identified', cells, inverse, model),
         table_4_automatic=study.table_4('automatic', cells, inverse, model, points),
-        points=points, trials=study.trials(points, inverse, model), scans=study.scans())
+        points=points, trials=study.trials(points, inverse, model),
+        warming=study.warming(cells), scans=study.scans())
 
 
 class PaperExperiments:
@@ -270,17 +278,30 @@ class PaperExperiments:
             waveform='sine', harmonics=1)
         crossings = []
         for amplitude_um in paper.TABLE_3:
-            errors = self._scan_errors(
-                f'sine_{amplitude_um:g}um', 'sine',
-                [(amplitude_um, frequency_hz) for frequency_hz in _SINE_FREQUENCIES_HZ],
-                {'harmonics': 1})
             predicted_hz = equal_error_frequency_hz(
-                known, sine.replaced(amplitude_um=amplitude_um), law, _SINE_FREQUENCIES_HZ,
+                known, sine.replaced(amplitude_um=amplitude_um), law, SINE_FREQUENCIES_HZ,
                 compensator=compensator, uncertainty=bound)
-            crossings.append(Crossing(
-                amplitude_um, np.array(_SINE_FREQUENCIES_HZ), errors[:, 0], errors[:, 1],
-                known_frequency_hz(predicted_hz)))
+            crossings.append(replace(
+                self._crossing('sine', amplitude_um, {}),
+                predicted_hz=known_frequency_hz(predicted_hz)))
         return tuple(crossings)
+
+    def _crossing(self, name: str, amplitude_um: float, more: Mapping[str, Any]) -> Crossing:
+        errors = self._scan_errors(
+            f'{name}_{amplitude_um:g}um', 'sine',
+            [(amplitude_um, frequency_hz) for frequency_hz in SINE_FREQUENCIES_HZ],
+            {'harmonics': 1, **more})
+        return Crossing(amplitude_um, np.array(SINE_FREQUENCIES_HZ), errors[:, 0], errors[:, 1])
+
+    def warming(self, cells: Sequence[tuple[float, float]]) -> WarmingResults:
+        """Return Tables 3 and 4, all as published, on the rig that warms."""
+        plant = rig_that_warms()
+        return WarmingResults(
+            RigParameters.among(plant).self_heating_gain,
+            tuple(
+                self._crossing('warming_sine', amplitude_um, {'plant': plant})
+                for amplitude_um in paper.TABLE_3),
+            self._scan_errors('table_4_warming', 'triangle', cells, {'plant': plant}))
 
     def trials(
         self, points: Sequence[OperatingPoint], inverse: Mapping[str, Any],
@@ -345,6 +366,20 @@ class PaperExperiments:
         base = {
             node: {**values, **(everywhere or {})} for node, values in self._base.items()}
         return plan_run(base, entry, where=f'study: {name}', number=0, name=name)
+
+
+def rig_that_warms() -> Mapping[str, Any]:
+    """
+    Return the parameters of the rig of the package whose stage warms by its losses.
+
+    Raises
+    ------
+    PlanError
+        If they are not installed.
+
+    """
+    return read_parameter_file(packaged_configuration() / 'rig_that_warms.yaml', ('plant',))[
+        'plant']
 
 
 def run_error_percent(run: Run) -> float:

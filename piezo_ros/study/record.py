@@ -28,6 +28,7 @@ from piezo_ros.report import nrmse
 from piezo_ros.report.metrics import tail
 from piezo_ros.study.calibration import HELD_OUT_ROWS_UM
 from piezo_ros.study.results import Crossing, HarmonicsTrial, PaperResults, StaticLoop
+from piezo_ros.study.table_3 import beyond_published_band_hz
 from piezo_ros.study.table_4 import Agreement, agreement, published_errors
 
 __all__ = [
@@ -62,11 +63,19 @@ def study_record(results: PaperResults, bags: dict[str, str]) -> dict[str, Any]:
         margins, identified, agreement.
 
     """
+    everywhere = np.ones(len(results.cells), dtype=bool)
     return {
         'format_version': FORMAT_VERSION,
         'runs': [_scan(results, scheme, bags.get(scheme, '')) for scheme in results.scans],
         'table3': [_crossing(crossing) for crossing in results.crossings],
         'table4': _table_4(results, results.table_4_published),
+        'rig_that_warms': {
+            'table3': [_crossing(crossing) for crossing in results.warming.crossings],
+            'table4': _table_4(results, results.warming.table_4),
+            'agreement': {
+                'all': _agreement(results, results.warming.table_4, everywhere),
+                'held_out_rows': _agreement(results, results.warming.table_4, held_out(results)),
+            }},
         'table4_identified': _table_4(results, results.table_4_identified),
         'table4_automatic': [
             {**row, 'harmonics_ff': point.harmonics['ff'],
@@ -77,8 +86,8 @@ def study_record(results: PaperResults, bags: dict[str, str]) -> dict[str, Any]:
         'recommended_schemes_right': recommendations(results),
         'harmonics': [_trial(trial) for trial in results.trials],
         'agreement': {
-            'all': _agreement(results, np.ones(len(results.cells), dtype=bool)),
-            'held_out_rows': _agreement(results, held_out(results)),
+            'all': _agreement(results, results.table_4_published, everywhere),
+            'held_out_rows': _agreement(results, results.table_4_published, held_out(results)),
         },
         'nonlinearity': {
             'uncompensated': _nonlinearity(results.uncompensated),
@@ -121,9 +130,8 @@ def held_out(results: PaperResults) -> NDArray[np.bool_]:
 
 def within_published_band(crossing: Crossing) -> bool:
     """Return whether a crossing lies in the published band, or within 50 Hz of it."""
-    low_hz, high_hz = paper.TABLE_3[crossing.amplitude_um]
-    return bool(
-        low_hz - _BAND_TOLERANCE_HZ <= crossing.crossing_hz <= high_hz + _BAND_TOLERANCE_HZ)
+    beyond_hz = beyond_published_band_hz(crossing.amplitude_um, crossing.crossing_hz)
+    return beyond_hz <= _BAND_TOLERANCE_HZ
 
 
 def left_out(responses: Sequence[FrequencyResponse]) -> list[ExcludedPoint]:
@@ -208,9 +216,10 @@ def _table_4(results: PaperResults, errors: Any) -> list[dict[str, float]]:
             results.cells, errors, published_errors(results.cells), strict=True)]
 
 
-def _agreement(results: PaperResults, rows: Any) -> dict[str, float]:
-    found: Agreement = agreement(
-        results.table_4_published[rows], published_errors(results.cells)[rows])
+def _agreement(
+    results: PaperResults, errors: NDArray[np.float64], rows: NDArray[np.bool_],
+) -> dict[str, float]:
+    found: Agreement = agreement(errors[rows], published_errors(results.cells)[rows])
     return found._asdict()
 
 

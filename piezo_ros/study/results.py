@@ -34,7 +34,10 @@ from piezo_ros.identification.tuning.loop_shape import LoopShape
 from piezo_ros.identification.tuning.pi_tuning import PiTuning
 from piezo_ros.report.metrics import Nonlinearity
 
-__all__ = ['Crossing', 'HarmonicsTrial', 'PaperResults', 'StaticLoop', 'known_frequency_hz']
+__all__ = [
+    'Crossing', 'HarmonicsTrial', 'PaperResults', 'StaticLoop', 'WarmingResults',
+    'known_frequency_hz',
+]
 
 _Floats = NDArray[np.float64]
 
@@ -107,6 +110,27 @@ class HarmonicsTrial:
 
 
 @dataclass(frozen=True)
+class WarmingResults:
+    """
+    Tables 3 and 4, all as published, on a stage that warms by its losses.
+
+    Attributes
+    ----------
+    self_heating_gain : float
+        Relative growth of its gain at a mean square speed of 1 (um/ms)^2.
+    crossings : tuple of Crossing
+        Table 3; nothing is predicted.
+    table_4 : ndarray, shape (30, 2)
+        Percent, FF and FBFF.
+
+    """
+
+    self_heating_gain: float
+    crossings: tuple[Crossing, ...]
+    table_4: _Floats
+
+
+@dataclass(frozen=True)
 class PaperResults:
     """Everything that the report of the study shows."""
 
@@ -133,6 +157,7 @@ class PaperResults:
     table_4_automatic: _Floats
     points: tuple[OperatingPoint, ...]  # (30,)
     trials: tuple[HarmonicsTrial, ...]
+    warming: WarmingResults
     scans: Mapping[str, Run]  # scheme -> 2.5 um triangle of 300 Hz
 
 

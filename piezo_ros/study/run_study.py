@@ -33,7 +33,7 @@ from piezo_ros.study.study_runs import StudyRuns
 
 __all__ = ['run_study']
 
-RUNS: Final = 456  # that it does on the rig of its plan
+RUNS: Final = 656  # that it does on the rig of its plan
 
 
 def run_study(

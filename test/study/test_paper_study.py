@@ -54,6 +54,14 @@ def test_table_4_as_published_is_met_also_on_rows_that_the_calibration_never_saw
 
 
 @pytest.mark.slow
+def test_a_stage_that_warms_spreads_table_3_and_keeps_table_4(report):
+    warming = report['rig_that_warms']
+    assert sum(row['within_50_hz'] for row in warming['table3']) >= 4
+    assert warming['agreement']['all']['median_deviation'] <= 0.075
+    assert warming['agreement']['all']['verdicts'] >= 27
+
+
+@pytest.mark.slow
 def test_it_has_as_many_runs_as_its_progress_tells(directory):
     assert sum(1 for _ in directory.rglob('metadata.yaml')) == RUNS
 
@@ -142,8 +150,8 @@ def test_the_identified_models_are_parameter_files(directory):
 @pytest.mark.slow
 def test_the_page_gives_its_reasons(report, directory):
     page = (directory / 'report.html').read_text(encoding='utf-8')
-    for anchor in ('table-4', 'beyond', 'harmonics', 'table-3', 'static', 'table-1', 'table-2',
-                   'uncertainty', 'loop', 'fig-11', 'deviations'):
+    for anchor in ('table-4', 'beyond', 'harmonics', 'table-3', 'warming', 'static',
+                   'table-1', 'table-2', 'uncertainty', 'loop', 'fig-11', 'deviations'):
         assert f'id="{anchor}"' in page
     outside = [row['amplitude_um'] for row in report['table3'] if not row['within_50_hz']]
     assert ('Outside: ' in page) == bool(outside)

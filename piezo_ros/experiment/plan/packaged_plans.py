@@ -23,7 +23,7 @@ import piezo_ros
 from piezo_ros.parameters.errors import PlanError
 from piezo_ros.suggestions import did_you_mean
 
-__all__ = ['PLAN_HELP', 'examples', 'packaged_plans', 'plan_path']
+__all__ = ['PLAN_HELP', 'examples', 'packaged_configuration', 'packaged_plans', 'plan_path']
 
 PLAN_HELP: Final = (
     'plan file (YAML), or the bare name of one that comes with the package: automatic, beyond, '
@@ -32,7 +32,7 @@ _PLANS: Final = 'experiments'
 _EXAMPLES: Final = 'examples'
 
 
-def _configuration() -> Path:
+def packaged_configuration() -> Path:
     """
     Return the folder ``config`` of the sources, or where pip or colcon has installed it.
 
@@ -62,7 +62,7 @@ def packaged_plans() -> dict[str, Path]:
         If they are not installed.
 
     """
-    return {path.stem: path for path in sorted((_configuration() / _PLANS).glob('*.yaml'))}
+    return {path.stem: path for path in sorted((packaged_configuration() / _PLANS).glob('*.yaml'))}
 
 
 def examples() -> dict[str, Path]:
@@ -75,7 +75,8 @@ def examples() -> dict[str, Path]:
         If they are not installed.
 
     """
-    folders = sorted(path for path in (_configuration() / _EXAMPLES).iterdir() if path.is_dir())
+    kept = (packaged_configuration() / _EXAMPLES).iterdir()
+    folders = sorted(path for path in kept if path.is_dir())
     return {**{folder.name: folder for folder in folders}, **packaged_plans()}
 
 
