@@ -56,7 +56,7 @@ __all__ = [
 
 # The largest motion of Fig. 7, 2.5 V behind the inverse, where no limit touches it.
 _FIG_7_UM: Final = 2.5 * paper.KAPPA_UM_PER_V[-1]
-_FIG_7_HZ: Final = 500.0
+_FIG_7_HZ: Final = 1000.0
 
 
 def table_4_section(results: PaperResults) -> Section:
@@ -222,9 +222,10 @@ def warming_section(results: PaperResults) -> Section:
             'At small amplitudes the published crossings rise, which would need a gain that falls '
             'there, as of an inverse that overcompensates small loops; the paper prints no sign '
             'of it, and with it Table 4 is no longer met. And Fig. 7 speaks against so much heat: '
-            f'a sine of {_FIG_7_UM:.3g} µm at {_FIG_7_HZ:g} Hz would have {PERCENT * growth:.0f} % '
-            f'more gain, where the W of (19) allows {PERCENT * allowed:.0f} %. Therefore the rig '
-            'of all other sections, config/rig.yaml, does not warm.')])
+            f'the paper sees no dependence on the amplitude up to {_FIG_7_HZ:g} Hz, where a sine '
+            f'of {_FIG_7_UM:.3g} µm would have {PERCENT * growth:.0f} % more gain, and the W of '
+            f'(19) allows {PERCENT * allowed:.0f} %. Therefore the rig of all other sections, '
+            'config/rig.yaml, does not warm.')])
 
 
 def scans_section(results: PaperResults) -> Section:
