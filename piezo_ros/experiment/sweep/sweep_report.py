@@ -23,6 +23,7 @@ import yaml
 from piezo_ros.experiment.sweep.run_sweep import Sweep
 from piezo_ros.experiment.sweep.sweep_plan import SweepPlan
 from piezo_ros.experiment.sweep.table import by_run, run_title
+from piezo_ros.parameters.parameter_file import parameters_yaml
 from piezo_ros.parameters.provenance import software_versions
 from piezo_ros.report.analysis.sweep_page import SweptRun, WorstDraw, write_sweep_page
 from piezo_ros.report.files import write_atomically
@@ -74,13 +75,16 @@ def write_sweep_report(
 
 
 def _kept(directory: Path, plan: SweepPlan, record: dict[str, Any]) -> WorstDraw:
-    """Write the plan of one draw."""
+    """Write the plan of one draw, and its parameters: an entry may not have idle ones, as these."""
     number = record['number']
     planned = plan.run(number)
     name = f'{_PLANS}/{number:06d}.yaml'
-    sections = {node: dict(values) for node, values in planned.parameters.items()}
+    parameters = f'{number:06d}_parameters.yaml'
+    write_atomically(
+        directory / _PLANS / parameters, parameters_yaml('/**', planned.parameters))
     write_atomically(directory / name, yaml.safe_dump({
         'format_version': 1, 'title': f'Draw {record["draw"]} of a sweep: {planned.name}',
-        'score_periods': plan.score_periods, 'runs': [sections]}, sort_keys=False))
+        'parameter_files': [parameters], 'score_periods': plan.score_periods, 'runs': [{}]},
+        sort_keys=False))
     output = directory / _PLANS / f'{number:06d}'
     return WorstDraw(record, name, f'piezo simulate {directory / name} -o {output}')

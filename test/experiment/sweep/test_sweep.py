@@ -365,7 +365,6 @@ def test_a_drawn_run_is_that_of_the_plan(write, drawn):
             assert getattr(planned, node) == getattr(expected, node)
 
 
-@pytest.mark.slow
 def test_the_plan_of_a_worst_draw_gives_its_score_again(prepare, tmp_path):
     work = prepare(draws=3)
     sweep = run_sweep(dataclasses.replace(work, scores_only=True), in_process, workers=1)
