@@ -293,6 +293,14 @@ def read_accuracy(paths: Iterable[Path]) -> 'ModelAccuracy':
                 _number(path, 'amplitude_levels_v', value) for value in levels)
             values['level_percent'] = tuple(
                 _number(path, 'amplitude_residual_percent', value) for value in percents)
+            rms = hysteresis.get('amplitude_residual_rms_um', [])
+            shares = hysteresis.get('residual_order_shares', [])
+            if isinstance(rms, list) and len(rms) == len(levels):
+                values['level_rms_um'] = tuple(
+                    _number(path, 'amplitude_residual_rms_um', value) for value in rms)
+            if isinstance(shares, list) and shares:
+                values['order_share'] = tuple(
+                    _number(path, 'residual_order_shares', value) for value in shares)
     return ModelAccuracy(**values)
 
 

@@ -22,10 +22,14 @@ the sensor is not taken for a loop that is left. Of the means m_up, m_down with 
     error = max(|m_up|, |m_down|, |m_up - m_down|), each less 3 s of it,   in percent of the span
 
 |m_up - m_down| is the width of the loop that the compensation with this model leaves.
+
+A triangle goes through the bins at a constant pace, upwards and then downwards: the means in this
+order are one period of what is left of a scan, and their discrete Fourier transform, less the
+noise, tells at which orders of the scan it is left.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
@@ -49,6 +53,7 @@ _FEWEST_IN_BIN: Final = 3
 SMALLEST_SHARE: Final = 0.1
 _NOISE_MARGIN: Final = 3.0
 _PARAMETERS_OF_LOOP: Final = 4
+_ORDERS: Final = 16  # of 24 that the bins have; higher ones they average away
 
 _Floats = NDArray[np.float64]
 
@@ -94,6 +99,8 @@ class LevelError:
         What the noise may hide beside it, two standard errors of some parameters of the loop.
     span_um : float
         That span.
+    mean_square_um2 : ndarray, shape (16,)
+        Mean square of what is left, beyond the noise, at the orders 1, 2, ... of a triangle.
 
     """
 
@@ -102,6 +109,7 @@ class LevelError:
     percent: float
     uncertainty_percent: float
     span_um: float
+    mean_square_um2: _Floats = field(repr=False, compare=False)
 
 
 def branches_of(record: Record) -> Branches:
@@ -172,20 +180,22 @@ def level_errors(
         span_um = float(np.ptp(displacement[inside]))
         if span_um == 0.0:
             continue
-        error_um = _error_um(
+        means_um, errors_um = _mean_loop(
             voltage[inside], residual_um[inside], weight[inside], rising[inside], noise_rms_um)
+        error_um = _error_um(means_um, errors_um)
         mean_v = float(np.average(amplitude[inside], weights=weight[inside]))
         hidden_um = 2.0 * noise_rms_um * np.sqrt(_PARAMETERS_OF_LOOP / np.sum(weight[inside]))
         found.append(LevelError(
             mean_v, mean_v / largest_v, 100.0 * error_um / span_um,
-            100.0 * float(hidden_um) / span_um, span_um))
+            100.0 * float(hidden_um) / span_um, span_um, _by_order(means_um, errors_um)))
     return found
 
 
-def _error_um(
+def _mean_loop(
     voltage_v: _Floats, residual_um: _Floats, weight: _Floats, rising: NDArray[np.bool_],
     noise_rms_um: float,
-) -> float:
+) -> tuple[_Floats, _Floats]:
+    """Return means and standard errors, upwards and downwards, shape (2, bins); NaN for none."""
     edges = np.linspace(voltage_v.min(), voltage_v.max(), _BINS + 1)
     bins = np.clip(np.searchsorted(edges, voltage_v, side='right') - 1, 0, _BINS - 1)
     offset_um = float(np.average(residual_um, weights=weight))
@@ -198,7 +208,23 @@ def _error_um(
         samples = np.where(enough, samples, np.nan)
         means.append(total / samples)
         errors.append(noise_rms_um / np.sqrt(samples))
-    candidates = [
-        np.abs(means[0]) - _NOISE_MARGIN * errors[0], np.abs(means[1]) - _NOISE_MARGIN * errors[1],
-        np.abs(means[0] - means[1]) - _NOISE_MARGIN * np.hypot(errors[0], errors[1])]
-    return max([0.0, *(float(v) for v in np.concatenate(candidates) if np.isfinite(v))])
+    return np.array(means), np.array(errors)
+
+
+def _error_um(means_um: _Floats, errors_um: _Floats) -> float:
+    up, down = np.abs(means_um) - _NOISE_MARGIN * errors_um
+    width = np.abs(means_um[0] - means_um[1]) - _NOISE_MARGIN * np.hypot(*errors_um)
+    return max([0.0, *(float(v) for v in np.concatenate([up, down, width]) if np.isfinite(v))])
+
+
+def _by_order(means_um: _Floats, errors_um: _Floats) -> _Floats:
+    """Return the mean square of a mean loop at the orders of a triangle, less its noise."""
+    period_um = np.concatenate([means_um[0], means_um[1, ::-1]])
+    known = np.isfinite(period_um)
+    if known.sum() < period_um.size // 2:
+        return np.zeros(_ORDERS)
+    place = np.arange(period_um.size)
+    filled_um = np.interp(place, place[known], period_um[known], period=period_um.size)
+    amplitude_um = 2.0 / period_um.size * np.abs(np.fft.rfft(filled_um))[1:_ORDERS + 1]
+    noise_um2 = 2.0 * float(np.nanmean(errors_um**2)) / period_um.size
+    return np.maximum(0.5 * amplitude_um**2 - noise_um2, 0.0)

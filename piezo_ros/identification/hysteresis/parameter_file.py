@@ -102,6 +102,11 @@ def hysteresis_facts(
         'amplitude_residual_percent': [level.percent for level in validation.levels],
         'amplitude_uncertainty_percent': [
             level.uncertainty_percent for level in validation.levels],
+        'amplitude_residual_rms_um': [
+            float(np.sqrt(level.mean_square_um2.sum())) for level in validation.levels],
+        # An empty list has no type in ROS.
+        **({'residual_order_shares': shares} if (shares := validation.order_shares.tolist())
+           else {}),
         'findings': '; '.join(validation.findings),
         'delay_samples': delay_samples,
         'drift_um_per_sample': drift_um_per_sample,

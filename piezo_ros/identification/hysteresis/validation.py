@@ -93,6 +93,14 @@ class Validation:
         return max(counted, key=lambda level: level.uncertainty_percent, default=None)
 
     @property
+    def order_shares(self) -> _Floats:
+        """Share of each order of a scan in what is left of the loops, shape (16,); 0 for none."""
+        left = [level.mean_square_um2 for level in self.levels if level.mean_square_um2.any()]
+        if not left:
+            return np.zeros(0)
+        return np.asarray(np.mean([by_order / by_order.sum() for by_order in left], axis=0))
+
+    @property
     def worst_percent(self) -> float:
         """The error of the worst level, percent of its span; 0 for none beyond the noise."""
         return self.worst.percent if self.worst else 0.0

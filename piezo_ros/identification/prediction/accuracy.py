@@ -17,10 +17,13 @@ How far the models of a prediction are known, and what that leaves open of a pre
 
 Identification writes what it knows of its own errors: the residual of the hysteresis with its
 distribution over amplitudes, the relative error of the dynamics and up to where they hold. With the
-residual r of the loops of the scan's amplitude, which passes the dynamics behind the hysteresis and
-is lessened by feedback, the part of the error that is due to the hysteresis is::
+residual r of the loops of the scan's amplitude, which has the shares p_k of the orders of the scan,
+passes the dynamics behind the hysteresis and is lessened by feedback, the part of the error that is
+due to the hysteresis is::
 
-    rms = r sqrt(sum_k |S G/G(0)|^2(k f)/k^2 / sum_k 1/k^2),   k = 1, 3, ... 9
+    rms = r sqrt(sum_k p_k |S G/G(0)|^2(k f))
+
+Where identification does not tell the shares they are those of 1/k at k = 1, 3, ... 9.
 
 and without integral feedback the offset of the loops besides, as the root of the sum of squares.
 
@@ -36,7 +39,7 @@ of 1.7, a simulated run that of the stage within 10 %.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
@@ -47,6 +50,8 @@ __all__ = ['ErrorInterval', 'ModelAccuracy', 'error_interval']
 
 _SPREAD: Final = 1.7  # of the residual from record to scan
 _SIMULATED: Final = 0.1  # relative, of a simulated run
+
+_UNKNOWN_SHARES: Final = tuple((1.0 / np.arange(1, 10) ** 2 * (np.arange(1, 10) % 2)).tolist())
 
 _Floats = NDArray[np.float64]
 
@@ -75,6 +80,10 @@ class ModelAccuracy:
         Noise of that record.
     level_v, level_percent : tuple of float
         Amplitudes of the record, and the residual there in percent of the span of the loop.
+    level_rms_um : tuple of float
+        Root mean square of what is left of a loop there, without noise; empty where not known.
+    order_share : tuple of float
+        Shares of the orders 1, 2, ... of a scan in its mean square.
     model_error : float or None
         Relative error of the dynamics.
     usable_to_hz : float
@@ -88,6 +97,8 @@ class ModelAccuracy:
     noise_rms_um: float | None = None
     level_v: tuple[float, ...] = ()
     level_percent: tuple[float, ...] = ()
+    level_rms_um: tuple[float, ...] = ()
+    order_share: tuple[float, ...] = _UNKNOWN_SHARES
     model_error: float | None = None
     usable_to_hz: float = math.inf
     loop_offset_um: float = 0.0
@@ -109,19 +120,42 @@ class ModelAccuracy:
             Noise of the sensor, where that of the record is not told.
 
         """
+        levels = np.array(self.level_v)
+        order = np.argsort(levels)
+        # Below the smallest loop of the record a residual falls, but less than the loop does.
+        below = math.sqrt(min(amplitude_v / float(levels.min()), 1.0)) if levels.size else 1.0
+        if self.level_rms_um:
+            known_um = np.array(self.level_rms_um)
+            return below * float(np.interp(amplitude_v, levels[order], known_um[order]))
         whole_um = self.hysteresis_rms_um or 0.0
         noise_um = noise_rms_um if self.noise_rms_um is None else self.noise_rms_um
         rms_um = math.sqrt(max(whole_um**2 - noise_um**2, 0.0))
-        levels = np.array(self.level_v)
         sizes = levels * np.array(self.level_percent)
         if not sizes.size or not sizes.any():
             return rms_um
-        order = np.argsort(levels)
         relative = sizes / math.sqrt(float(np.mean(sizes**2)))
-        levels, relative = levels[order], relative[order]
-        # Below the smallest loop of the record a residual falls, but less than the loop does.
-        below = math.sqrt(min(amplitude_v / float(levels[0]), 1.0))
-        return rms_um * below * float(np.interp(amplitude_v, levels, relative))
+        return rms_um * below * float(np.interp(amplitude_v, levels[order], relative[order]))
+
+    def residual_gain(
+        self, frequency_hz: float, highest: int, passed: Callable[[_Floats], _Floats],
+    ) -> float:
+        """
+        Return how much larger the residual of the hysteresis is in a scan than at rest.
+
+        Parameters
+        ----------
+        frequency_hz : float
+            Of the scan.
+        highest : int
+            Highest order that is sampled.
+        passed : callable
+            Frequencies in hertz to |S G/G(0)| there.
+
+        """
+        share = np.array(self.order_share)
+        sampled = share[:highest]
+        gain = passed(frequency_hz * np.arange(1.0, sampled.size + 1.0))
+        return math.sqrt(float(np.sum(sampled * gain**2)) / float(share.sum()))
 
     def unknown(self, *, bound: bool) -> tuple[str, ...]:
         """

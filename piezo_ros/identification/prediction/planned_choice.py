@@ -21,6 +21,7 @@ of the dynamics is known, by W(s) or by what identification tells of its own mod
 in which that is small.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Final, NamedTuple
@@ -34,7 +35,12 @@ from piezo_ros.identification.prediction.operating_points import OperatingPoint
 from piezo_ros.identification.prediction.placement import placements
 from piezo_ros.identification.prediction.tracking import TrackingPrediction
 from piezo_ros.identification.tuning.linear_plant import Bound, bound_magnitude
-from piezo_ros.model import DynamicsParameters, HysteresisParameters, RigParameters
+from piezo_ros.model import (
+    DynamicsParameters,
+    HysteresisParameters,
+    LinearDynamics,
+    RigParameters,
+)
 from piezo_ros.planning.harmonics import repeating_samples
 from piezo_ros.planning.periodic_plan import PeriodicPlan
 from piezo_ros.planning.scan import ScanRequest, limits_of, plan_for_rig, stage_of, with_bound
@@ -153,6 +159,10 @@ def _prediction(
     voltage_v = plan.period_voltage_v
     span_um = float(np.ptp(plan.reference_um))
     residual_um = accuracy.residual_um(0.5 * float(np.ptp(voltage_v)), rig.noise_rms_um)
+    dynamics = LinearDynamics(rig.true_dynamics)
+    residual_um *= accuracy.residual_gain(
+        plan.frequency_hz, math.ceil(0.5 / (plan.frequency_hz * plan.sample_period_s)) - 1,
+        lambda low_hz: np.abs(dynamics.response(low_hz) / dynamics.dc_gain))
     steps_v = np.abs(np.roll(voltage_v, -1) - voltage_v)
     nothing = np.zeros(0)
     return TrackingPrediction(

@@ -74,7 +74,6 @@ _MOST_HARMONICS: Final = 2001
 # fs / f is rarely representable: whole periods are counted with this much tolerance, in samples.
 _ROUNDING_SAMPLES: Final = 1e-6
 _SLEW_TOLERANCE: Final = 1e-9
-_RESIDUAL_HARMONICS: Final = np.arange(1, 10, 2)
 _NOTHING_KNOWN: Final = ModelAccuracy().unknown(bound=False)
 
 _Floats = NDArray[np.float64]
@@ -308,13 +307,12 @@ def _by_spectra(
     if uncertainty is not None:
         uncertain = np.abs(sensitivity * output) * bound_magnitude(uncertainty, frequency)
     model_error = np.abs(sensitivity * output) * accuracy.relative_error(frequency)
-    # The residual of the hysteresis has the harmonics of the scan, with 1/k, as far as is sampled.
-    low = frequency[:1] * _RESIDUAL_HARMONICS[_RESIDUAL_HARMONICS < 0.5 / (
-        trajectory.fundamental_hz * period_s)]
-    passed = np.abs(loop.plant_response(low)) / abs(loop.plant.dc_gain)
-    if controller.uses_feedback and any(gains):
-        passed = passed * np.abs(loop.sensitivity(low))
-    weight = 1.0 / _RESIDUAL_HARMONICS[:low.size] ** 2
+
+    def passed(low_hz: _Floats) -> _Floats:
+        relative = np.abs(loop.plant_response(low_hz)) / abs(loop.plant.dc_gain)
+        is_closed = controller.uses_feedback and any(gains)
+        return relative * np.abs(loop.sensitivity(low_hz)) if is_closed else relative
+
     left_out_um2 = max(
         mean_square_um2(trajectory) - 0.5 * float(np.sum(amplitude**2)), 0.0)
     mean_gain, mean_sensitivity = _mean_gain(trajectory, controller, loop)
@@ -339,7 +337,7 @@ def _by_spectra(
         frequency_hz=frequency, reference_um=amplitude, known_error_um=known,
         uncertain_error_um=uncertain, model_percent=percent(model_error, model_mean_um2),
         unknown=accuracy.unknown(bound=uncertainty is not None),
-        residual_gain=math.sqrt(float(np.average(passed**2, weights=weight))))
+        residual_gain=accuracy.residual_gain(trajectory.fundamental_hz, nyquist_harmonic, passed))
 
 
 def _mean_gain(
