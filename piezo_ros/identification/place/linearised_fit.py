@@ -58,11 +58,13 @@ from piezo_ros.model import (
 )
 from piezo_ros.series import bridged_series
 
-__all__ = ['LinearisedFit', 'fit_linearised', 'same_to_hz']
+__all__ = [
+    'SMALLEST_ERROR', 'LinearisedFit', 'fit_linearised', 'fit_with_poles_before', 'same_to_hz',
+]
 
 _LEAST_ERROR: Final = 1e-3  # of a model; less of the response is not explained better
 _CLEARLY: Final = 0.5  # share of the error of the points as measured, below which poles are taken
-_SMALLEST_ERROR: Final = 2e-3  # of a model of the points as measured, above which poles are tried
+SMALLEST_ERROR: Final = 2e-3  # of a model of the points as measured, above which poles are tried
 _ORDERS: Final = (3, 6)  # of the model in the search: as chosen for the points, within these
 _HIGHEST: Final = 3.0  # over the highest measured frequency: faster poles do not show
 _RATES: Final = 9
@@ -99,12 +101,11 @@ class LinearisedFit(NamedTuple):
     before: Factors
 
     def __str__(self) -> str:
-        if self.before.rates_rad_per_s:
-            poles = f'a lag of {self.before.rates_rad_per_s[0]:.4g} rad/s'
-        else:
-            poles = 'a pole pair of {:.4g} rad/s, damping ratio {:.3g},'.format(
-                *self.before.pairs[0])
-        return f'{poles} before the hysteresis'
+        poles = [
+            *(f'a lag of {rate:.4g} rad/s' for rate in self.before.rates_rad_per_s),
+            *(f'a pole pair of {frequency:.4g} rad/s, damping ratio {damping:.3g},'
+              for frequency, damping in self.before.pairs)]
+        return f'{" and ".join(poles)} before the hysteresis'
 
 
 def fit_linearised(
@@ -136,7 +137,7 @@ def fit_linearised(
         them clearly better.
 
     """
-    if fit.model_error < _SMALLEST_ERROR:
+    if fit.model_error < SMALLEST_ERROR:
         return None
     search = _Search(
         measured, _whole(records), MaxwellResistiveCapacitor.of(hysteresis), respond, delay_samples,
@@ -156,6 +157,35 @@ def fit_linearised(
     if better.model_error > _CLEARLY * fit.model_error:
         return None
     return LinearisedFit(better, response, best[1])
+
+
+def fit_with_poles_before(
+    measured: FrequencyResponse, records: Sequence[TimeRecord], hysteresis: HysteresisParameters,
+    respond: _Respond, before: Factors, *, delay_samples: float = 0.0,
+) -> LinearisedFit | None:
+    """
+    Return a model of points from which the effect of known poles before the hysteresis is taken.
+
+    Parameters
+    ----------
+    measured, records, hysteresis, respond, delay_samples
+        As for `fit_linearised`.
+    before : Factors
+        The poles before the hysteresis.
+
+    Returns
+    -------
+    LinearisedFit or None
+        None where these poles would have distorted some of the points too much.
+
+    """
+    points = _Search(
+        measured, _whole(records), MaxwellResistiveCapacitor.of(hysteresis), respond, 0.0,
+        1).linearised(before)
+    if points is None:
+        return None
+    return LinearisedFit(
+        fit_dynamics(points, structure='auto', delay_samples=delay_samples), points, before)
 
 
 def same_to_hz(
