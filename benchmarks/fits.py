@@ -12,13 +12,18 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Time that the identification of hysteresis and dynamics and the tuning of PI gains take."""
+"""
+Time that the identification of hysteresis and dynamics and the tuning of PI gains take.
+
+The fit of a response stands beside those of scikit-rf and scipy, on the same points.
+"""
 
 from collections.abc import Callable
-from functools import cache
+from functools import cache, partial
 from typing import Any, Final
 
 from benchmarks.measurement import Measurement, Ratio, lower, seconds
+from benchmarks.response_peers import PEERS, STAGES, made_points, missing_peer, score
 from piezo_ros.control import TrajectoryParameters, simulate_bare
 from piezo_ros.control.waveform import excitation_of
 from piezo_ros.identification import (
@@ -35,6 +40,9 @@ __all__ = ['FITS', 'FIT_RATIOS']
 
 _FREQUENCIES_HZ: Final = (
     20.0, 40.0, 80.0, 150.0, 250.0, 400.0, 600.0, 800.0, 1000.0, 1300.0, 1600.0, 2000.0)
+
+
+_PEER_ORDERS: Final = '6/8'  # the highest of `response_peers`
 
 
 @cache
@@ -82,6 +90,12 @@ def _tuning_s() -> tuple[float]:
     return (seconds(lambda: tune_pi(LinearDynamics())),)
 
 
+def _peer(name: str) -> tuple[float, float]:
+    zeros, poles = (int(order) for order in _PEER_ORDERS.split('/'))
+    found = score(PEERS[name], *made_points(STAGES[_PEER_ORDERS]), (zeros, poles))
+    return 100.0 * found.error, found.seconds
+
+
 FITS: Final = (
     Measurement('fits', (lower('fit_hysteresis', 's'),), _hysteresis_s()),
     Measurement('fits', (lower('fit_hysteresis_40_elements', 's'),), _hysteresis_s(40)),
@@ -89,6 +103,10 @@ FITS: Final = (
         'fits', (lower('fit_hysteresis_1m_samples', 's'),), _hysteresis_s(record=_long_triangle)),
     Measurement('fits', (lower('fit_dynamics', 's'),), _dynamics_s),
     Measurement('fits', (lower('tune_pi', 's'),), _tuning_s),
+    *(Measurement(
+        'peers', (lower(f'error_of_{peer}', '%'), lower(f'fit_by_{peer}', 's')),
+        partial(_peer, peer), partial(missing_peer, peer))
+      for peer in PEERS),
 )
 FIT_RATIOS: Final = (
     Ratio('fit_hysteresis_over_decomposition', 'fit_hysteresis', 'decomposition',
@@ -97,5 +115,8 @@ FIT_RATIOS: Final = (
           higher_is_better=False),
     Ratio('fit_dynamics_over_decomposition', 'fit_dynamics', 'decomposition',
           higher_is_better=False),
+    *(Ratio(f'error_over_that_of_{peer}', 'error_of_piezo_ros', f'error_of_{peer}',
+            higher_is_better=False)
+      for peer in PEERS if peer != 'piezo_ros'),
     Ratio('tune_pi_over_decomposition', 'tune_pi', 'decomposition', higher_is_better=False),
 )

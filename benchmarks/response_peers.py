@@ -21,6 +21,7 @@ its largest value. Run as ``python -m benchmarks.response_peers [CSV]``; without
 ``piezo identify dynamics`` the points of three stages are made here.
 """
 
+import importlib.util
 import sys
 import time
 from collections.abc import Callable
@@ -34,7 +35,7 @@ from scipy.optimize import least_squares
 from piezo_ros.identification import FrequencyResponse, fit_dynamics
 from piezo_ros.identification.response.response_csv import read_response
 
-__all__ = ['PEERS', 'Score', 'score', 'table']
+__all__ = ['PEERS', 'STAGES', 'Score', 'made_points', 'missing_peer', 'score', 'table']
 
 _PERIOD_S: Final = 1e-5
 _NOISE: Final = 1e-3
@@ -153,6 +154,13 @@ PEERS: Final = {
     'scikit-rf': fit_by_vector_fitting,
     'scipy': fit_by_least_squares,
 }
+
+
+def missing_peer(name: str) -> str:
+    """Return what a peer needs that is not installed; '' for nothing."""
+    if name == 'scikit-rf' and importlib.util.find_spec('skrf') is None:
+        return 'needs the package scikit-rf (pip install scikit-rf)'
+    return ''
 
 
 def score(

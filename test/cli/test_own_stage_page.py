@@ -46,14 +46,12 @@ def test_the_page_shows_what_the_commands_print(flow):
 @pytest.mark.slow
 def test_d1_every_cell_of_the_table_comes_true_within_15_percent(flow):
     directory, outputs = flow
-    if 'is not decided' in outputs['tune']:
-        pytest.skip('the page does not identify which poles are before the hysteresis')
     rig = read_parameter_set(STAGE / 'rig.yaml', 'plant', RigParameters)
     compensator = read_parameter_set(
         directory / 'compensator.yaml', 'compensator', HysteresisParameters)
     gains = read_parameter_file(directory / 'controller.yaml', ['controller'])['controller']
     table = outputs['tune'].partition('(! amplifier at its limits)\n')[2].partition('\n\n')[0]
-    header, *rows = table.splitlines()
+    header, *rows = (line for line in table.splitlines() if not line.lstrip().startswith('–'))
     frequencies = [float(word) for word in re.findall(r'([\d.]+) Hz', header)]
     cells = 0
     for row in rows:

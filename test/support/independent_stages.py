@@ -67,7 +67,7 @@ def slowed(stage, factor):
     """Return a stage with all frequencies divided by a factor."""
     (numerator, denominator), delay_s = stage
     return tuple(
-        polynomial * factor**-np.arange(polynomial.size - 1, -1, -1.0)
+        polynomial * factor**np.arange(polynomial.size - 1, -1, -1.0)
         for polynomial in (numerator, denominator)), delay_s * factor
 
 

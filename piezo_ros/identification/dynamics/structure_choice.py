@@ -204,8 +204,10 @@ def _serves_as_well(of_six: RationalFit, best: RationalFit) -> bool:
     """Return whether (6) explains the points as the best model does, and they determine it."""
     if of_six.at_bound.any() or undetermined(of_six) or too_fast(of_six):
         return False
-    if (of_six.bayesian_criterion() <= best.bayesian_criterion() + _NEARLY
-            or _criterion(of_six) <= _criterion(best) + _NEARLY):
+    # Of two that explain the points as well the smaller one is taken, and (6) of equals.
+    nearly = _NEARLY if best.problem.shape.size >= of_six.problem.shape.size else 0.0
+    if (of_six.bayesian_criterion() <= best.bayesian_criterion() + nearly
+            or _criterion(of_six) <= _criterion(best) + nearly):
         return True
     # What a larger model explains beyond may be too little to be worth its poles.
     problem = of_six.problem

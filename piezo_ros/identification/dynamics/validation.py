@@ -132,9 +132,12 @@ def validate(
     correlation = float(
         np.sum(error[:-1] * error[1:].conj()).real / max(np.sum(np.abs(error)**2), 1e-300))
     white = abs(correlation) * math.sqrt(2.0 * error.size) < _WHITE
-    usable = _usable_to_hz(
-        points, value, _is_uncertain(fit, points.frequency_hz, radius, rivals or ()),
-        min(_MARGIN * fit.model_error, 0.5 * AGREED_MAGNITUDE))
+    agree, usable = (
+        _usable_to_hz(
+            points, value, is_uncertain, min(_MARGIN * fit.model_error, 0.5 * AGREED_MAGNITUDE))
+        for is_uncertain in (
+            np.zeros(points.frequency_hz.size, dtype=np.bool_),
+            _is_uncertain(fit, points.frequency_hz, radius, rivals or ())))
     beyond = np.maximum(
         np.abs(points.response - value) - _NOISE_ERRORS * points.standard_error, 0.0)
     misfit = beyond / np.abs(value)
@@ -144,7 +147,7 @@ def validate(
     percent = unseen.fit_percent(points.response) if unseen else math.nan
     top = float(points.frequency_hz[-1])
     poor = [
-        *_misfit_reasons(fit, percent, usable, points),
+        *_misfit_reasons(fit, percent, agree, usable, points),
         *(() if rivals is not None else _surplus_reasons(fit, points, delay_samples, structure)),
         *_lead_reasons(fit, points, delay_samples)]
     remarks = _remarks(fit, white)
@@ -211,9 +214,11 @@ def _beyond(points: FrequencyResponse, usable_to_hz: float) -> str:
 
 
 def _misfit_reasons(
-    fit: RationalFit, percent: float, usable_to_hz: float, points: FrequencyResponse,
+    fit: RationalFit, percent: float, agree_to_hz: float, usable_to_hz: float,
+    points: FrequencyResponse,
 ) -> list[str]:
     reasons = []
+    top_hz = float(points.frequency_hz[-1])
     if fit.model_error > _POOR_ERROR:
         reasons.append(
             f'the model misses the points by {100 * fit.model_error:.2g} % of the response, '
@@ -222,11 +227,15 @@ def _misfit_reasons(
         reasons.append(
             f'it explains {percent:.3g} % of points that it has not seen, '
             f'{_POOR_FIT_PERCENT:.0f} % are needed')
-    explained = int(np.sum(points.frequency_hz <= usable_to_hz))
-    if usable_to_hz < _LEAST_SHARE * points.frequency_hz[-1] or explained < _LEAST_POINTS:
+    agreed, known = (
+        int(np.sum(points.frequency_hz <= limit_hz)) for limit_hz in (agree_to_hz, usable_to_hz))
+    if agree_to_hz < _LEAST_SHARE * top_hz or agreed < _LEAST_POINTS:
         reasons.append(
-            f'model and points agree up to {usable_to_hz:.4g} Hz only, of '
-            f'{float(points.frequency_hz[-1]):.4g} Hz measured')
+            f'model and points agree up to {agree_to_hz:.4g} Hz only, of {top_hz:.4g} Hz measured')
+    elif known < _LEAST_POINTS:
+        reasons.append(
+            f'the points determine the model up to {usable_to_hz:.4g} Hz only, of {top_hz:.4g} Hz '
+            'measured')
     return reasons
 
 
