@@ -26,6 +26,7 @@ import pytest
 from fault_matrix import CELLS, Cell
 from fault_results import add_results, first_trial, number_of_trials
 from fault_trials import FaultTrial
+from processes import was_cut_off_while_starting
 
 SLOW_TRIALS = 12
 QUICK = (Cell('malformed bytes', 'voltage', 'composed', 'run'),)
@@ -39,6 +40,17 @@ def _cell(number):
 
 def test_a_round_of_the_matrix_has_each_cell_once():
     assert sorted(_cell(number) for number in range(len(CELLS))) == sorted(CELLS)
+
+
+@pytest.mark.parametrize(('output', 'is_cut_off'), [
+    ('Fatal Python error: init_import_site: Failed to import the site module', True),
+    ('Traceback\n  File "a/executables.py", line 20, in <module>\nKeyboardInterrupt\n', True),
+    ('Traceback\n  File "a/host.py", line 20, in host\nKeyboardInterrupt\n', False),
+    ('Traceback (most recent call last):\nValueError: no\n', False),
+    ('', False),
+])
+def test_a_traceback_is_forgiven_only_before_the_first_line_of_a_node(output, is_cut_off):
+    assert was_cut_off_while_starting(output) is is_cut_off
 
 
 @pytest.mark.parametrize('cell', QUICK, ids=lambda cell: cell.title)

@@ -53,7 +53,7 @@ def test_only_one_enclave_may_write_each_stream():
 @pytest.mark.slow
 def test_the_policy_is_what_the_running_nodes_need(rig, peer):
     rig.node('recorder', bag_directory=rig.directory / 'bag', parameters_timeout_s=60.0)
-    rig.node('loop', compiled='false', realtime_factor=0.001, required_readers=2,
+    rig.node('loop', compiled='false', realtime_factor=0.001, required_readers=2, periods=150.0,
              handshake_timeout_s=60.0)
     peer.wait(lambda: peer.status('plant').get('index', 0) > 10, 'samples')
     graph = peer.node

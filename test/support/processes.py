@@ -61,7 +61,6 @@ def wait_until(condition, what, timeout_s=PATIENCE_S):
     return value
 
 
-@contextlib.contextmanager
 def was_cut_off_while_starting(output):
     """
     Return whether a process got a signal while Python itself or its first modules came up.
@@ -73,6 +72,7 @@ def was_cut_off_while_starting(output):
         or (bool(FIRST_IMPORTS.search(output)) and output.rstrip().endswith('KeyboardInterrupt')))
 
 
+@contextlib.contextmanager
 def busy_processes(number):
     """Have so many processes beside that take all the time that they get."""
     burners = [

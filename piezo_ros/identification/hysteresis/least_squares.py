@@ -50,6 +50,8 @@ __all__ = ['NormalEquations', 'minimise']
 
 # Relative reduction of the sum of squares; two steps in a row below it end the search.
 _SMALLEST_REDUCTION: Final = 1e-9
+# Steps, and the relative reduction that they must bring together.
+_WINDOW, _CRAWL = 30, 1e-5
 _LARGEST_DAMPING: Final = 1e10
 
 _Floats = NDArray[np.float64]
@@ -107,7 +109,12 @@ def minimise(
     theta = np.clip(start, lower, upper)
     normal = evaluate(theta)
     damping, small_steps = 1e-3, 0
+    costs = [normal.cost]
     for _ in range(maximum_steps):
+        # Along a valley of parameters that the data hardly determine no step is small.
+        if len(costs) > _WINDOW and costs[-1] > (1.0 - _CRAWL) * costs[-1 - _WINDOW]:
+            break
+        costs.append(normal.cost)
         trial = np.clip(theta + _step(theta, normal, damping, lower, upper), lower, upper)
         if np.array_equal(trial, theta):
             break

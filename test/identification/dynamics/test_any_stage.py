@@ -207,10 +207,25 @@ def test_d7_the_band_of_every_stage_covers_95_percent(name):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize('name', ['one mode', 'antiresonance', 'mode and delay', 'lag before'])
+def test_95_percent_intervals_hold_the_parameters_in_93_to_97_percent_of_200_seeds(name):
+    frequency = np.geomspace(20.0, 3000.0, 60)
+    # A fit to points without noise has the true values.
+    true = fit_dynamics(measured(STAGES[name], frequency, TS, 1e-9), **orders_of(name)).values
+    inside = []
+    for seed in range(200):
+        fit = fit_dynamics(measured(STAGES[name], frequency, TS, 3e-3, seed), **orders_of(name))
+        inside += [
+            abs(fit.values[parameter] - true[parameter]) <= 1.96 * error
+            for parameter, error in fit.standard_errors.items()]
+    assert 0.93 <= np.mean(inside) <= 0.97
+
+
+@pytest.mark.slow
 def test_a_wrong_structure_is_told_in_95_percent_of_cases():
     stage = parallel(mode(500.0, 0.02, 0.9), lag(1500.0)), 0.0
     told = []
-    for seed in range(60):
+    for seed in range(200):
         fit = fit_dynamics(
             measured(stage, BAND_HZ, TS, 2e-3, seed), structure='rational',
             numerator_order=0, denominator_order=2)
