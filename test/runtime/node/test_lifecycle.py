@@ -27,7 +27,7 @@ from std_msgs.msg import Float64
 from piezo_ros.bag import STREAMS
 from piezo_ros.control import ControllerParameters, TrajectoryParameters, simulate
 from piezo_ros.model import HysteresisParameters, MaxwellResistiveCapacitor, RigParameters
-from piezo_ros.parameters.node_parameters import NODE_PARAMETERS
+from piezo_ros.parameters.node_parameters import LOOP_NODES
 
 COMMAND_UM = 2.0 * np.sin(0.05 * np.arange(200.0))
 # State -> transition -> the state that it leads to; every other transition is refused.
@@ -120,7 +120,8 @@ MISSING = {
 
 
 @pytest.mark.parametrize('nodes', [
-    ('compensator', 'recorder'), pytest.param(tuple(NODE_PARAMETERS), marks=pytest.mark.slow)])
+    ('compensator', 'recorder'),
+    pytest.param((*LOOP_NODES, 'recorder'), marks=pytest.mark.slow)])
 def test_an_activation_without_peers_fails_and_names_the_topic(rig, peer, tmp_path, nodes):
     processes = {
         node: rig.node(
