@@ -40,8 +40,6 @@ __all__ = ['FITS', 'FIT_RATIOS']
 
 _FREQUENCIES_HZ: Final = (
     20.0, 40.0, 80.0, 150.0, 250.0, 400.0, 600.0, 800.0, 1000.0, 1300.0, 1600.0, 2000.0)
-
-
 _PEER_ORDERS: Final = '6/8'  # the highest of `response_peers`
 
 

@@ -88,6 +88,8 @@ class Calibration:
         Its Table 3.
     seed : int
         Of the search.
+    self_heating : bool
+        Whether self-heating was fitted too.
 
     """
 
@@ -97,30 +99,26 @@ class Calibration:
     held_out: Agreement
     crossings_hz: NDArray[np.float64]
     seed: int
-
-    @property
-    def is_warming(self) -> bool:
-        """Whether the rig has self-heating."""
-        return self.rig.self_heating_gain > 0.0
+    self_heating: bool
 
     def to_parameter_yaml(self) -> str:
         """Return a ROS parameter file for the plant."""
         overall, held_out = self.overall, self.held_out
-        ranges = WARMING_RANGES if self.is_warming else RANGES
+        ranges = WARMING_RANGES if self.self_heating else RANGES
         options = ' '.join([
-            *(['--self-heating'] if self.is_warming else []),
+            *(['--self-heating'] if self.self_heating else []),
             *([f'--seed {self.seed}'] if self.seed != 1 else []), ''])
-        name = 'rig_that_warms' if self.is_warming else 'rig'
+        name = 'rig_that_warms' if self.self_heating else 'rig'
         crossings = ', '.join(f'{value:.0f}' for value in self.crossings_hz)
         lines = [
-            *(_WARMING_HEAD if self.is_warming else _HEAD),
+            *(_WARMING_HEAD if self.self_heating else _HEAD),
             f'#     piezo calibrate {options}-o config/{name}.yaml',
             '# fitted on the rows 0.5, 1.5 and 2.5 um of Table 4. Median relative deviation',
             f'# {overall.median_deviation:.1%} over all rows, {held_out.median_deviation:.1%} over',
             '# the rows 1.0 and 2.0 um, which the fit never saw; the better of FF and FBFF',
             f'# agrees in {overall.verdicts} of {overall.conditions} conditions.',
             *([f'# Table 3, of which it saw the rows 1.5 to 2.5 um: {crossings} Hz.']
-              if self.is_warming else []),
+              if self.self_heating else []),
             '/**/plant:',
             '  ros__parameters:',
             f'    order: {self.rig.order}',
@@ -193,7 +191,7 @@ def calibrate_rig(
     rig = _rig(ranges, np.array([float(f'{value:.{_DIGITS}g}') for value in result.x]))
     return Calibration(
         rig, _compared(rig, None), _compared(rig, FITTED_ROWS_UM),
-        _compared(rig, HELD_OUT_ROWS_UM), crossing_frequencies_hz(rig), seed)
+        _compared(rig, HELD_OUT_ROWS_UM), crossing_frequencies_hz(rig), seed, self_heating)
 
 
 def _rig(ranges: Iterable[str], values: NDArray[np.float64]) -> RigParameters:

@@ -370,7 +370,7 @@ class PaperExperiments:
 
 def rig_that_warms() -> Mapping[str, Any]:
     """
-    Return the parameters of the rig of the package whose stage warms by its losses.
+    Return the parameters of the packaged rig in which losses warm the stage.
 
     Raises
     ------

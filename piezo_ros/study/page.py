@@ -32,9 +32,9 @@ from piezo_ros.study.model_sections import (
     uncertainty_section,
 )
 from piezo_ros.study.page_elements import nonlinearity_text
-from piezo_ros.study.record import held_out, within_published_band
+from piezo_ros.study.record import agreement_of, rows_within
 from piezo_ros.study.results import PaperResults
-from piezo_ros.study.table_4 import agreement, published_errors
+from piezo_ros.study.table_4 import published_errors
 from piezo_ros.study.tracking_sections import (
     harmonics_section,
     improved_section,
@@ -55,14 +55,13 @@ _NAMED_DEVIATION: Final = 0.1
 def study_summary(results: PaperResults) -> str:
     """Return the outcome in a few lines for the terminal."""
     published = published_errors(results.cells)
-    ours = agreement(results.table_4_published, published)
-    rows = held_out(results)
-    unseen = agreement(results.table_4_published[rows], published[rows])
+    ours = agreement_of(results, results.table_4_published)
+    unseen = agreement_of(results, results.table_4_published, unseen=True)
     ratio = float(np.median(results.table_4_identified / published))
     better = int(np.count_nonzero(results.table_4_automatic.min(1) < published.min(1)))
-    bands = sum(map(within_published_band, results.crossings))
-    heated = agreement(results.warming.table_4, published)
-    warm = sum(map(within_published_band, results.warming.crossings))
+    bands = rows_within(results.crossings)
+    heated = agreement_of(results, results.warming.table_4)
+    warm = rows_within(results.warming.crossings)
     return '\n'.join([
         (f'Table 4 as published     median deviation {ours.median_deviation:.1%}, on rows the '
          f'calibration never saw {unseen.median_deviation:.1%}; better scheme agrees in '
@@ -119,7 +118,7 @@ def write_study_page(
 
 def _lead(results: PaperResults) -> list[Content]:
     published = published_errors(results.cells)
-    ours = agreement(results.table_4_published, published)
+    ours = agreement_of(results, results.table_4_published)
     ratio = float(np.median(results.table_4_identified / published))
     better = int(np.count_nonzero(results.table_4_automatic.min(1) < published.min(1)))
     return [
@@ -139,7 +138,7 @@ def _lead(results: PaperResults) -> list[Content]:
 
 def _deviations(results: PaperResults) -> Section:
     published = published_errors(results.cells)
-    ours = agreement(results.table_4_published, published)
+    ours = agreement_of(results, results.table_4_published)
     other = ', '.join(
         f'{amplitude_um:g} µm at {frequency_hz:g} Hz'
         for (amplitude_um, frequency_hz), mine, theirs in zip(
@@ -169,8 +168,8 @@ def _deviations(results: PaperResults) -> Section:
              'was fitted at the same 1 Hz and has taken up what its stage crept in that time. '
              'At the frequencies of Table 4 creep plays no part.'),
             ('All crossings of Table 3 come out alike. On a stage that warms '
-             f'{sum(map(within_published_band, results.warming.crossings))} of '
-             f'{len(results.crossings)} are as published, and Table 4 as well; see there.'),
+             f'{rows_within(results.warming.crossings)} of {len(results.crossings)} are as '
+             'published, and Table 4 as well; see there.'),
             ('G is identified behind a zero-order hold and inverted as such where it says '
              're-identified; the published feedforward inverts the continuous G of Table 2, as '
              'printed.'),

@@ -15,7 +15,7 @@
 """The numbers of a study for programs: what report.json contains beside the page."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -32,10 +32,13 @@ from piezo_ros.study.table_3 import beyond_published_band_hz
 from piezo_ros.study.table_4 import Agreement, agreement, published_errors
 
 __all__ = [
+    'agreement_of',
     'held_out',
     'left_out',
     'published_uncertainty',
     'recommendations',
+    'rows_outside',
+    'rows_within',
     'study_record',
     'within_published_band',
 ]
@@ -63,7 +66,6 @@ def study_record(results: PaperResults, bags: dict[str, str]) -> dict[str, Any]:
         margins, identified, agreement.
 
     """
-    everywhere = np.ones(len(results.cells), dtype=bool)
     return {
         'format_version': FORMAT_VERSION,
         'runs': [_scan(results, scheme, bags.get(scheme, '')) for scheme in results.scans],
@@ -73,9 +75,8 @@ def study_record(results: PaperResults, bags: dict[str, str]) -> dict[str, Any]:
             'table3': [_crossing(crossing) for crossing in results.warming.crossings],
             'table4': _table_4(results, results.warming.table_4),
             'agreement': {
-                'all': _agreement(results, results.warming.table_4, everywhere),
-                'held_out_rows': _agreement(results, results.warming.table_4, held_out(results)),
-            }},
+                name: found._asdict() for name, found in _agreements(
+                    results, results.warming.table_4)}},
         'table4_identified': _table_4(results, results.table_4_identified),
         'table4_automatic': [
             {**row, 'harmonics_ff': point.harmonics['ff'],
@@ -86,9 +87,8 @@ def study_record(results: PaperResults, bags: dict[str, str]) -> dict[str, Any]:
         'recommended_schemes_right': recommendations(results),
         'harmonics': [_trial(trial) for trial in results.trials],
         'agreement': {
-            'all': _agreement(results, results.table_4_published, everywhere),
-            'held_out_rows': _agreement(results, results.table_4_published, held_out(results)),
-        },
+            name: found._asdict() for name, found in _agreements(
+                results, results.table_4_published)},
         'nonlinearity': {
             'uncompensated': _nonlinearity(results.uncompensated),
             'compensated': _nonlinearity(results.compensated),
@@ -126,6 +126,26 @@ def study_record(results: PaperResults, bags: dict[str, str]) -> dict[str, Any]:
 def held_out(results: PaperResults) -> NDArray[np.bool_]:
     """Return which conditions the calibration of the rig never saw, shape (conditions,)."""
     return np.array([amplitude_um in HELD_OUT_ROWS_UM for amplitude_um, _ in results.cells])
+
+
+def agreement_of(
+    results: PaperResults, errors: NDArray[np.float64], *, unseen: bool = False,
+) -> Agreement:
+    """Return how close errors, shape (conditions, 2), are to Table 4, or to its unseen rows."""
+    rows = held_out(results) if unseen else slice(None)
+    return agreement(errors[rows], published_errors(results.cells)[rows])
+
+
+def rows_within(crossings: Iterable[Crossing]) -> int:
+    """Return how many rows of Table 3 are within 50 Hz of the published band."""
+    return sum(map(within_published_band, crossings))
+
+
+def rows_outside(crossings: Iterable[Crossing]) -> str:
+    """Return the amplitudes of the other rows; '' for none."""
+    return ', '.join(
+        f'{crossing.amplitude_um:g} µm' for crossing in crossings
+        if not within_published_band(crossing))
 
 
 def within_published_band(crossing: Crossing) -> bool:
@@ -216,11 +236,11 @@ def _table_4(results: PaperResults, errors: Any) -> list[dict[str, float]]:
             results.cells, errors, published_errors(results.cells), strict=True)]
 
 
-def _agreement(
-    results: PaperResults, errors: NDArray[np.float64], rows: NDArray[np.bool_],
-) -> dict[str, float]:
-    found: Agreement = agreement(errors[rows], published_errors(results.cells)[rows])
-    return found._asdict()
+def _agreements(
+    results: PaperResults, errors: NDArray[np.float64],
+) -> Iterator[tuple[str, Agreement]]:
+    yield 'all', agreement_of(results, errors)
+    yield 'held_out_rows', agreement_of(results, errors, unseen=True)
 
 
 def _nonlinearity(loop: StaticLoop) -> dict[str, float]:

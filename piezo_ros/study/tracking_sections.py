@@ -39,9 +39,15 @@ from piezo_ros.report.page.rendering import render
 from piezo_ros.report.page.run_charts import error_panels, tracking_panels
 from piezo_ros.report.score import ScoredRun, score
 from piezo_ros.study.page_elements import PERCENT, Rows, known
-from piezo_ros.study.record import held_out, recommendations, within_published_band
+from piezo_ros.study.record import (
+    agreement_of,
+    recommendations,
+    rows_outside,
+    rows_within,
+    within_published_band,
+)
 from piezo_ros.study.results import HarmonicsTrial, PaperResults
-from piezo_ros.study.table_4 import agreement, published_errors
+from piezo_ros.study.table_4 import published_errors
 
 __all__ = [
     'harmonics_section',
@@ -66,8 +72,7 @@ def table_4_section(results: PaperResults) -> Section:
         [f'{amplitude_um:g} µm, {frequency_hz:g} Hz', *map(float, ours), *map(float, theirs)]
         for (amplitude_um, frequency_hz), ours, theirs in zip(
             results.cells, results.table_4_published, published, strict=True)]
-    rest = held_out(results)
-    unseen = agreement(results.table_4_published[rest], published[rest])
+    unseen = agreement_of(results, results.table_4_published, unseen=True)
     return Section('table-4', 'Table 4 as published: tracking of triangles', [
         Paragraph(
             'Published compensator, gains and feedforward (m = 9) on the calibrated rig. The '
@@ -154,9 +159,7 @@ def table_3_section(results: PaperResults) -> Section:
          known(crossing.predicted_hz), *map(float, paper.TABLE_3[crossing.amplitude_um]),
          'yes' if within_published_band(crossing) else 'no']
         for crossing in results.crossings]
-    outside = ', '.join(
-        f'{crossing.amplitude_um:g} µm' for crossing in results.crossings
-        if not within_published_band(crossing))
+    outside = rows_outside(results.crossings)
     return Section('table-3', 'Table 3 and Fig. 10: where feedback stops helping', [
         Paragraph(
             'Sines under FF and FBFF, all as published. Predicted is what the identified models '
@@ -182,14 +185,8 @@ def table_3_section(results: PaperResults) -> Section:
 def warming_section(results: PaperResults) -> Section:
     """Return Tables 3 and 4 on the rig that warms."""
     warming = results.warming
-    published = published_errors(results.cells)
-    everywhere = agreement(warming.table_4, published)
-    rest = held_out(results)
-    unseen = agreement(warming.table_4[rest], published[rest])
-    inside = sum(map(within_published_band, warming.crossings))
-    outside = ', '.join(
-        f'{crossing.amplitude_um:g} µm' for crossing in warming.crossings
-        if not within_published_band(crossing))
+    everywhere = agreement_of(results, warming.table_4)
+    unseen = agreement_of(results, warming.table_4, unseen=True)
     rows: Rows = [
         [f'{linear.amplitude_um:g} µm', known(linear.crossing_hz), known(warm.crossing_hz),
          *map(float, paper.TABLE_3[warm.amplitude_um]),
@@ -212,13 +209,14 @@ def warming_section(results: PaperResults) -> Section:
              Column('that warms', 'Hz', '.0f'), Column('published from', 'Hz', '.0f'),
              Column('to', 'Hz', '.0f'), Column('within 50 Hz')], rows, name='table-3-warming'),
         Paragraph(
-            f'{inside} of {len(rows)} rows of Table 3 are within 50 Hz of the published band. '
-            f'Table 4 deviates by {everywhere.median_deviation:.1%} in the median, by '
-            f'{unseen.median_deviation:.1%} on the rows that the fit never saw, and the better '
-            f'scheme agrees in {everywhere.verdicts} of {everywhere.conditions} conditions.'),
+            f'{rows_within(warming.crossings)} of {len(rows)} rows of Table 3 are within 50 Hz of '
+            f'the published band. Table 4 deviates by {everywhere.median_deviation:.1%} in the '
+            f'median, by {unseen.median_deviation:.1%} on the rows that the fit never saw, and the '
+            f'better scheme agrees in {everywhere.verdicts} of {everywhere.conditions} '
+            'conditions.'),
         _scheme_grid(results, warming.table_4),
         Paragraph(
-            f'What stays open: {outside or "nothing of Table 3"}. '
+            f'What stays open: {rows_outside(warming.crossings) or "nothing of Table 3"}. '
             'At small amplitudes the published crossings rise, which would need a gain that falls '
             'there, as of an inverse that overcompensates small loops; the paper prints no sign '
             'of it, and with it Table 4 is no longer met. And Fig. 7 speaks against so much heat: '

@@ -205,17 +205,18 @@ def _serves_as_well(of_six: RationalFit, best: RationalFit) -> bool:
     if of_six.at_bound.any() or undetermined(of_six) or too_fast(of_six):
         return False
     # Of two that explain the points as well the smaller one is taken, and (6) of equals.
-    nearly = _NEARLY if best.problem.shape.size >= of_six.problem.shape.size else 0.0
+    problem = of_six.problem
+    is_no_larger = problem.shape.size <= best.problem.shape.size
+    nearly = _NEARLY if is_no_larger else 0.0
     if (of_six.bayesian_criterion() <= best.bayesian_criterion() + nearly
             or _criterion(of_six) <= _criterion(best) + nearly):
         return True
     # What a larger model explains beyond may be too little to be worth its poles.
-    problem = of_six.problem
     values = [
         sampled_response(fit.sections, problem.frequency, problem.sample_period)[0]
         for fit in (of_six, best)]
     apart = float(np.max(np.abs(values[0] - values[1]) / np.sqrt(problem.power)))
-    return best.problem.shape.size >= problem.shape.size and apart < _SAME
+    return is_no_larger and apart < _SAME
 
 
 def undetermined(fit: RationalFit) -> list[str]:

@@ -179,9 +179,7 @@ def fit_with_poles_before(
         None where these poles would have distorted some of the points too much.
 
     """
-    points = _Search(
-        measured, _whole(records), MaxwellResistiveCapacitor.of(hysteresis), respond, 0.0,
-        1).linearised(before)
+    points = _without_fits(measured, records, hysteresis, respond).linearised(before)
     if points is None:
         return None
     return LinearisedFit(
@@ -209,8 +207,7 @@ def same_to_hz(
         2 degrees; inf if there is none.
 
     """
-    search = _Search(
-        measured, _whole(records), MaxwellResistiveCapacitor.of(hysteresis), respond, 0.0, 1)
+    search = _without_fits(measured, records, hysteresis, respond)
     same = math.inf
     for before in candidates:
         points = search.linearised(before)
@@ -223,6 +220,15 @@ def same_to_hz(
             first = int(np.argmax(changed))
             same = min(same, float(measured.frequency_hz[first - 1]) if first else 0.0)
     return same
+
+
+def _without_fits(
+    measured: FrequencyResponse, records: Sequence[TimeRecord], hysteresis: HysteresisParameters,
+    respond: _Respond,
+) -> '_Search':
+    """Return a search of which the points behind known poles alone are asked for."""
+    return _Search(
+        measured, _whole(records), MaxwellResistiveCapacitor.of(hysteresis), respond, 0.0, 1)
 
 
 def _whole(records: Sequence[TimeRecord]) -> list[TimeRecord]:

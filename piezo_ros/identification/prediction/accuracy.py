@@ -137,23 +137,21 @@ class ModelAccuracy:
         return rms_um * below * float(np.interp(amplitude_v, levels[order], relative[order]))
 
     def residual_gain(
-        self, frequency_hz: float, highest: int, passed: Callable[[_Floats], _Floats],
+        self, frequency_hz: float, sample_period_s: float, passed: Callable[[_Floats], _Floats],
     ) -> float:
         """
         Return how much larger the residual of the hysteresis is in a scan than at rest.
 
         Parameters
         ----------
-        frequency_hz : float
-            Of the scan.
-        highest : int
-            Highest order that is sampled.
+        frequency_hz, sample_period_s : float
+            Of the scan and of its samples; orders above half the sampling frequency are left out.
         passed : callable
             Frequencies in hertz to |S G/G(0)| there.
 
         """
         share = np.array(self.order_share)
-        sampled = share[:highest]
+        sampled = share[:math.ceil(0.5 / (frequency_hz * sample_period_s)) - 1]
         gain = passed(frequency_hz * np.arange(1.0, sampled.size + 1.0))
         return math.sqrt(float(np.sum(sampled * gain**2)) / float(share.sum()))
 

@@ -21,7 +21,6 @@ of the dynamics is known, by W(s) or by what identification tells of its own mod
 in which that is small.
 """
 
-import math
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Final, NamedTuple
@@ -161,7 +160,7 @@ def _prediction(
     residual_um = accuracy.residual_um(0.5 * float(np.ptp(voltage_v)), rig.noise_rms_um)
     dynamics = LinearDynamics(rig.true_dynamics)
     residual_um *= accuracy.residual_gain(
-        plan.frequency_hz, math.ceil(0.5 / (plan.frequency_hz * plan.sample_period_s)) - 1,
+        plan.frequency_hz, plan.sample_period_s,
         lambda low_hz: np.abs(dynamics.response(low_hz) / dynamics.dc_gain))
     steps_v = np.abs(np.roll(voltage_v, -1) - voltage_v)
     nothing = np.zeros(0)

@@ -337,7 +337,7 @@ def _by_spectra(
         frequency_hz=frequency, reference_um=amplitude, known_error_um=known,
         uncertain_error_um=uncertain, model_percent=percent(model_error, model_mean_um2),
         unknown=accuracy.unknown(bound=uncertainty is not None),
-        residual_gain=accuracy.residual_gain(trajectory.fundamental_hz, nyquist_harmonic, passed))
+        residual_gain=accuracy.residual_gain(trajectory.fundamental_hz, period_s, passed))
 
 
 def _mean_gain(

@@ -11,6 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
+
 """What the residual of the hysteresis adds to a predicted error."""
 
 import numpy as np
@@ -29,12 +30,12 @@ def resonance(frequency_hz):
 def test_the_residual_passes_the_dynamics_order_by_order():
     third = ModelAccuracy(order_share=(0.0, 0.0, 1.0))
     first = ModelAccuracy(order_share=(1.0, 0.0, 0.0))
-    assert third.residual_gain(100.0, 50, resonance) == pytest.approx(25.0)
-    assert first.residual_gain(100.0, 50, resonance) == pytest.approx(resonance(100.0))
+    assert third.residual_gain(100.0, 1e-4, resonance) == pytest.approx(25.0)
+    assert first.residual_gain(100.0, 1e-4, resonance) == pytest.approx(resonance(100.0))
     # Of what is at orders that are not sampled nothing is left.
-    assert third.residual_gain(100.0, 2, resonance) == 0.0
-    unknown = ModelAccuracy().residual_gain(100.0, 50, resonance)
-    assert first.residual_gain(100.0, 50, resonance) < unknown < 25.0
+    assert third.residual_gain(100.0, 2e-3, resonance) == 0.0
+    unknown = ModelAccuracy().residual_gain(100.0, 1e-4, resonance)
+    assert first.residual_gain(100.0, 1e-4, resonance) < unknown < 25.0
 
 
 def test_the_residual_of_a_loop_is_that_of_its_amplitude_whatever_the_order_of_the_levels():
