@@ -26,7 +26,10 @@ import pytest
 from fault_matrix import CELLS, Cell
 from fault_results import add_results, first_trial, number_of_trials
 from fault_trials import FaultTrial
+from message_mutations import arrives_as_block
 from processes import was_cut_off_while_starting
+
+from piezo_ros.streams import BlockCodec
 
 SLOW_TRIALS = 12
 QUICK = (Cell('malformed bytes', 'voltage', 'composed', 'run'),)
@@ -51,6 +54,12 @@ def test_a_round_of_the_matrix_has_each_cell_once():
 ])
 def test_a_traceback_is_forgiven_only_before_the_first_line_of_a_node(output, is_cut_off):
     assert was_cut_off_while_starting(output) is is_cut_off
+
+
+@pytest.mark.parametrize(('missing', 'is_block'), [(0, True), (2, True), (4, False)])
+def test_a_message_that_the_middleware_completes_is_a_block(missing, is_block):
+    message = BlockCodec('displacement').encode(0, 1e-5, [1.0, 2.0])
+    assert arrives_as_block('displacement', message[:len(message) - missing]) is is_block
 
 
 @pytest.mark.parametrize('cell', QUICK, ids=lambda cell: cell.title)

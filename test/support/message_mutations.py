@@ -24,7 +24,7 @@ import struct
 
 from piezo_ros.streams import STREAMS, BlockCodec
 
-__all__ = ['MALFORMED', 'OUT_OF_ORDER', 'damaged_message']
+__all__ = ['MALFORMED', 'OUT_OF_ORDER', 'arrives_as_block', 'damaged_message']
 
 ENCAPSULATIONS = (2, 3, 6, 7, 8, 9, 10, 11, 12, 128, 255)
 _LENGTHS = (0, 2, 3, 255, 2**16, 2**31, 2**32 - 1)
@@ -124,3 +124,12 @@ def damaged_message(generator, stream, period_s, name):
     """Return the bytes of a message with some damage."""
     samples = [generator.gauss(0.0, 1.0) for _ in range(generator.choice([1, 1, 2, 7]))]
     return {**MALFORMED, **OUT_OF_ORDER}[name](generator, _Old(stream, period_s, samples))
+
+
+def arrives_as_block(stream, message):
+    """Return whether the message is a block once the middleware has padded it to whole words."""
+    try:
+        BlockCodec(stream).decode(message.ljust(-(-len(message) // 4) * 4, b'\0'))
+    except ValueError:
+        return False
+    return True
