@@ -34,6 +34,7 @@ _YIELD_S = 0.02  # how long an empty loop only yields before it sleeps
 _SHORT_SLEEP_S = 0.001
 _LONGEST_SLEEP_S = 0.01
 _SHARE_SLEPT = 0.2  # of the time without input, at once, by nodes that no peer waits for
+_SHARE_SLEPT_IN_LOOP = 0.02  # the same by nodes of the loop: a pause gets longer by no more
 _FLOW = ('controller', 'compensator', 'plant')
 
 
@@ -79,7 +80,8 @@ def serve_streams(nodes: Sequence[LoopNode], stop: StopRequest, wake: threading.
             if in_blocks:
                 _nap()
         elif waited_for:
-            time.sleep(_SHORT_SLEEP_S)
+            # What has not come for a second may be long in coming: the loop stands still.
+            time.sleep(min(max(_SHORT_SLEEP_S, _SHARE_SLEPT_IN_LOOP * idle_s), _LONGEST_SLEEP_S))
         elif following:
             # A node that was asked for nothing for so long has time; others need the processor.
             time.sleep(min(max(least_sleep_s, _SHARE_SLEPT * idle_s), _LONGEST_SLEEP_S))
