@@ -136,15 +136,7 @@ class Study:
                 yield cell
 
 
-# Not yet held: what was measured last is the reason.
-NOT_YET = {
-    'asymmetric plays, lag before': '1.4 to 2.1 degrees at the highest frequency that is said to '
-    'be within 2, as loops smaller than those of the record are compensated for by a guess'}
-
-
-@pytest.mark.parametrize('name', [
-    pytest.param(name, marks=pytest.mark.xfail(reason=NOT_YET[name]) if name in NOT_YET else ())
-    for name in STAGES])
+@pytest.mark.parametrize('name', STAGES)
 def test_what_the_commands_promise_of_a_stage_comes(name, tmp_path, monkeypatch):
     study = Study(name, tmp_path, monkeypatch)
     assert study.codes == [0, 0, 0, 0], study.flow.printed

@@ -22,6 +22,9 @@ With y = offset + S(H(u)), H a superposition of plays and z the inverse of S on 
 is linear in b and p where the thresholds r_i are a fixed grid: one least-squares problem starts
 the search. Then H is fitted to z(y), and S to y over H(u), in turns. Last, H is scaled so that S
 has the slope 1 about zero, as `piezo_ros.model.hysteresis` writes it.
+
+The starts of H are those of bent loops, from which the turns may not find back. Once S is known
+about, z(y) gives starts as good as those of a symmetric stage: with them it is done again.
 """
 
 from collections.abc import Sequence
@@ -32,16 +35,17 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
-from piezo_ros.identification.hysteresis.least_squares import NormalEquations
+from piezo_ros.identification.estimation.least_squares import NormalEquations
 from piezo_ros.identification.hysteresis.mrc_fit import (
     MrcFit,
     PlayModel,
     fit_mrc,
     number_of_plays,
 )
+from piezo_ros.identification.hysteresis.mrc_start import Preparation, prepare
 from piezo_ros.identification.hysteresis.records import Record, predict
 
-__all__ = ['AsymmetricFit', 'fit_asymmetric']
+__all__ = ['AsymmetricFit', 'fit_asymmetric', 'refit_asymmetric']
 
 _KNOTS: Final = 17
 _GRID: Final = 24  # plays of the start
@@ -120,8 +124,7 @@ def fit_asymmetric(
     knots_um, images_um = inverse
     theta = start.theta
     for _ in range(rounds):
-        linear = [replace(record, displacement_um=_interpolated(
-            record.displacement_um, knots_um, images_um)) for record in records]
+        linear = _linear(records, knots_um, images_um)
         theta, normal = fit_mrc(linear, theta, delay_bounds)
         bare = theta.copy()
         bare[-1] = 0.0
@@ -132,6 +135,45 @@ def fit_asymmetric(
         ends, values = found
         knots_um, images_um = values, ends
     return _normalised(theta, normal, ends, values)
+
+
+def refit_asymmetric(
+    records: Sequence[Record], fit: AsymmetricFit,
+) -> tuple[Preparation, AsymmetricFit] | None:
+    """
+    Fit plays and map again, from the starts that the map of a fit gives for the plays.
+
+    Parameters
+    ----------
+    records : sequence of Record
+        The data, with all samples after the turns.
+    fit : AsymmetricFit
+        A fit with a map.
+
+    Returns
+    -------
+    tuple of (Preparation, AsymmetricFit) or None
+        The records without what has not settled after turns and the bounds of the delay, both by
+        the loops without the map, and the fit; None where the data want no map that rises strictly.
+
+    """
+    elements = number_of_plays(fit.theta)
+    found = prepare(_linear(records, *fit.inverse), [elements], virgin=records[0].virgin)
+    preparation = found._replace(records=[
+        replace(record, displacement_um=measured.displacement_um)
+        for record, measured in zip(found.records, records, strict=True)])
+    again = fit_asymmetric(
+        preparation.records, fit._replace(theta=found.starts[elements]), found.delay_bounds)
+    return None if again is None else (preparation, again)
+
+
+def _linear(
+    records: Sequence[Record], knots_um: _Floats, images_um: _Floats,
+) -> list[Record]:
+    """Return the records with the displacement that no map has bent."""
+    return [
+        replace(record, displacement_um=_interpolated(record.displacement_um, knots_um, images_um))
+        for record in records]
 
 
 def _start_of_map(

@@ -25,7 +25,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from piezo_ros.identification.hysteresis.least_squares import minimise
+from piezo_ros.identification.estimation.least_squares import minimise
 from piezo_ros.identification.hysteresis.records import Record, accumulate
 
 __all__ = ['BoucWenModel', 'fit_bouc_wen']

@@ -42,24 +42,29 @@ array([0.05, 0.2 ])
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Final, Literal, NamedTuple
+from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from piezo_ros.identification.hysteresis.asymmetry_fit import AsymmetricFit, fit_asymmetric
+from piezo_ros.identification.hysteresis.asymmetry_fit import AsymmetricFit
+from piezo_ros.identification.hysteresis.candidate_fits import (
+    FURTHER_PERCENT,
+    CandidateFit,
+    best_candidate,
+    better_candidate,
+    error_of_elements,
+)
 from piezo_ros.identification.hysteresis.element_choice import choose_elements
 from piezo_ros.identification.hysteresis.hysteresis_result import Coverage, HysteresisFit
-from piezo_ros.identification.hysteresis.levels import level_errors, weighted_by_amplitude
+from piezo_ros.identification.hysteresis.levels import weighted_by_amplitude
 from piezo_ros.identification.hysteresis.mrc_fit import (
     PlayModel,
-    drift_rate,
     elements_of_plays,
-    fit_mrc,
     number_of_plays,
     play_bounds,
 )
-from piezo_ros.identification.hysteresis.mrc_start import Preparation, prepare
+from piezo_ros.identification.hysteresis.mrc_start import Preparation
 from piezo_ros.identification.hysteresis.records import (
     Record,
     accumulate,
@@ -70,8 +75,6 @@ from piezo_ros.identification.hysteresis.records import (
 )
 from piezo_ros.identification.hysteresis.validation import (
     GOOD_PERCENT,
-    Validation,
-    validate,
     verdict_of,
 )
 from piezo_ros.model.hysteresis import HysteresisParameters
@@ -82,14 +85,6 @@ _MOST_ELEMENTS: Final = 160
 _FIRST_ELEMENTS: Final = 10
 _MORE_ELEMENTS: Final = (24, 40)  # that are tried where no number is asked for
 _RICH_ELEMENTS: Final = 24  # whether more elements would help is tried with so many
-_FOLD_STEPS: Final = 20  # a fold starts from the fit to all data
-_FOLD_ROUNDS: Final = 2
-# An asymmetry or a drift is looked for where the elements leave more than that of a loop, and taken
-# where it leaves at most this share of it.
-_FURTHER_PERCENT: Final = 0.1
-_FURTHER_GAIN: Final = 0.7
-_DRIFT_STEPS: Final = 3
-_SIGNIFICANT: Final = 5.0  # standard errors
 
 _Floats = NDArray[np.float64]
 
@@ -164,169 +159,29 @@ def fit_hysteresis_records(
         number, errors = choose_elements(weighted)
     else:
         number = _FIRST_ELEMENTS if elements is None else elements
-    best = _best_candidate(few, weighted, number)
+    best = best_candidate(few, weighted, number)
     richer = None
     if elements is None:
         for more in _MORE_ELEMENTS:
-            if best.validation.worst_percent <= _FURTHER_PERCENT:
+            if best.validation.worst_percent <= FURTHER_PERCENT:
                 break
-            better = _better(best, _best_candidate(few, weighted, more))
+            better = better_candidate(best, best_candidate(few, weighted, more))
             if better is best:
                 break
             best = better
     elif best.validation.worst_percent > GOOD_PERCENT and number < _RICH_ELEMENTS:
-        richer = _RICH_ELEMENTS, _rich_error(best)
+        richer = _RICH_ELEMENTS, error_of_elements(best, _RICH_ELEMENTS)
     return _result(records, best, range_v, errors, richer)
 
 
-class _Candidate(NamedTuple):
-    """A fit, the records that it is for (less a drift, um per sample) and its validation."""
-
-    few: list[Record]
-    preparation: Preparation
-    fit: AsymmetricFit
-    validation: Validation
-    drift_um: float = 0.0
-
-
-def _candidate(
-    few: list[Record], weighted: list[Record], elements: int, drift_um: float = 0.0,
-) -> _Candidate:
-    """Return the symmetric fit of records with a drift that is known."""
-    few, weighted = _without_drift(few, drift_um), _without_drift(weighted, drift_um)
-    preparation, fit = _best_symmetric(few, weighted, elements)
-    return _Candidate(few, preparation, fit, _validation(few, preparation, fit), drift_um)
-
-
-def _best_candidate(few: list[Record], weighted: list[Record], elements: int) -> _Candidate:
-    """Return the best fit of so many elements: symmetric or not, with a drift or without."""
-    best = _candidate(few, weighted, elements)
-    if best.validation.worst_percent > _FURTHER_PERCENT:
-        best = _better_candidate(best, weighted)
-    return best
-
-
-def _better_candidate(plain: _Candidate, weighted: list[Record]) -> _Candidate:
-    """Return the fit with an asymmetry or without a drift, where the data ask for it."""
-    best = plain
-    asymmetric = fit_asymmetric(
-        plain.preparation.records, plain.fit, plain.preparation.delay_bounds)
-    if asymmetric is not None:
-        validation = _validation(plain.few, plain.preparation, asymmetric)
-        best = _better(best, plain._replace(fit=asymmetric, validation=validation))
-    elements = number_of_plays(plain.fit.theta)
-    steady, drift_um = plain, 0.0
-    for _ in range(_DRIFT_STEPS):
-        change_um, error_um = drift_rate(steady.preparation.records, steady.fit.theta)
-        if abs(change_um) < _SIGNIFICANT * error_um:
-            break
-        drift_um += change_um
-        steady = _candidate(
-            _without_drift(steady.few, -steady.drift_um), weighted, elements, drift_um)
-    if not drift_um:
-        return best
-    samples = max(float(np.ptp(record.index)) for record in plain.few)
-    found = (f'a drift of {1e3 * drift_um * samples:.3g} nm over the record is taken out',)
-    return _better(best, steady._replace(validation=replace(
-        steady.validation, findings=found + steady.validation.findings)))
-
-
-def _better(simple: _Candidate, other: _Candidate) -> _Candidate:
-    one, two = simple.validation, other.validation
-    is_better = two.worst_percent < _FURTHER_GAIN * one.worst_percent and (
-        two.fit_percent > one.fit_percent)
-    return other if is_better else simple
-
-
-def _without_drift(records: Sequence[Record], drift_um: float) -> list[Record]:
-    return [
-        replace(record, displacement_um=record.displacement_um - drift_um * record.index)
-        for record in records] if drift_um else list(records)
-
-
-def _best_symmetric(
-    few: Sequence[Record], weighted: Sequence[Record], elements: int,
-) -> tuple[Preparation, AsymmetricFit]:
-    """
-    Return the best MRC fit with more weight on small loops, and the records that it is for.
-
-    The sum of squares has several minima: the search starts where the large loops have their
-    plays, and where the small ones have them.
-    """
-    virgin = few[0].virgin
-    plain = prepare(few, [elements], virgin=virgin)
-    of_small = prepare(weighted, [elements], virgin=virgin)
-    preparation = of_small._replace(delay_bounds=plain.delay_bounds)
-    return preparation, min(
-        (_symmetric(preparation, start.starts[elements]) for start in (plain, of_small)),
-        key=lambda fit: fit.normal.cost)
-
-
-def _symmetric(
-    preparation: Preparation, start: _Floats, steps: int = 200,
-    records: Sequence[Record] | None = None,
-) -> AsymmetricFit:
-    """Return the MRC fit, as one without a map."""
-    fit = fit_mrc(
-        preparation.records if records is None else records, start, preparation.delay_bounds, steps)
-    return AsymmetricFit.symmetric(fit)
-
-
-def _validation(
-    few: Sequence[Record], preparation: Preparation, fit: AsymmetricFit,
-) -> Validation:
-    """Validate a fit on the samples that count for it, without the weight on small loops."""
-    level = {
-        id(record.voltage_v): settled.weight / np.maximum(record.weight, 1e-300)
-        for record, settled in zip(few, preparation.records, strict=True)}
-
-    def fit_and_predict(training: Sequence[Record]) -> list[_Floats]:
-        weighted = [
-            replace(record, weight=record.weight * level[id(record.voltage_v)])
-            for record in training]
-        found: AsymmetricFit | None
-        if fit.weight.size:
-            found = fit_asymmetric(
-                weighted, fit, preparation.delay_bounds, _FOLD_ROUNDS)
-        else:
-            found = _symmetric(preparation, fit.theta, _FOLD_STEPS, weighted)
-        return (found or fit).predict(training)
-    return validate(_settled(few, preparation), fit_and_predict)
-
-
-def _settled(few: Sequence[Record], preparation: Preparation) -> list[Record]:
-    """Return the records without what is left out after turns, each sample counting as one."""
-    return [
-        replace(record, weight=np.where(settled.weight > 0.0, record.weight, 0.0))
-        for record, settled in zip(few, preparation.records, strict=True)]
-
-
-def _rich_error(best: _Candidate) -> float:
-    """Return what is left of a loop with more elements, percent."""
-    few = best.few
-    preparation = prepare(
-        weighted_by_amplitude(few), [_RICH_ELEMENTS], virgin=few[0].virgin)
-    fit = _symmetric(preparation, preparation.starts[_RICH_ELEMENTS], _FOLD_STEPS)
-    if best.fit.weight.size:
-        fit = fit_asymmetric(preparation.records, fit, preparation.delay_bounds) or fit
-    records = _settled(few, preparation)
-    levels = level_errors(
-        records, concatenated_residual(records, fit.predict(records)),
-        best.validation.noise_rms_um)
-    return replace(best.validation, levels=tuple(levels)).worst_percent
-
-
 def _result(
-    records: Sequence[Record], best: _Candidate, range_v: tuple[float, float] | None,
+    records: Sequence[Record], best: CandidateFit, range_v: tuple[float, float] | None,
     errors: dict[int, float], richer: tuple[int, float] | None,
 ) -> HysteresisFit:
-    few, preparation, fit, validation, drift_um = best
-    settled = _settled(few, preparation)
+    preparation, fit, validation = best.preparation, best.fit, best.validation
+    settled = best.settled
     residual_of_few = concatenated_residual(settled, fit.predict(settled))
-    whole = _without_drift(records, drift_um)
-    if all(record.voltage_v is other.voltage_v for record, other in zip(
-            records, few, strict=True)):
-        whole = settled
+    whole = best.as_fitted(records)
     residual = concatenated_residual(whole, fit.predict(whole))
     weight = np.concatenate([record.weight for record in settled])
     known = np.isfinite(residual_of_few)
@@ -356,7 +211,7 @@ def _result(
         rms_um=math.sqrt(cost / max(int(known.sum()), 1)),
         coverage=coverage,
         cross_validated_rms_um=errors,
-        drift_um_per_sample=drift_um,
+        drift_um_per_sample=best.drift_um,
         validation=validation,
         verdict=verdict_of(
             validation, kappa.size - 1, richer, delay_samples=float(fit.theta[-2]),

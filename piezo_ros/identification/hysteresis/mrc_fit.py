@@ -48,7 +48,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from piezo_ros.identification.hysteresis.least_squares import NormalEquations, minimise
+from piezo_ros.identification.estimation.least_squares import NormalEquations, minimise
 from piezo_ros.identification.hysteresis.records import Record, accumulate, predict
 
 __all__ = [

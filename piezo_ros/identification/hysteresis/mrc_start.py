@@ -36,7 +36,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
-from piezo_ros.identification.hysteresis.least_squares import NormalEquations
+from piezo_ros.identification.estimation.least_squares import NormalEquations
 from piezo_ros.identification.hysteresis.mrc_fit import fit_plays, number_of_plays
 from piezo_ros.identification.hysteresis.records import Record, reversals_of
 

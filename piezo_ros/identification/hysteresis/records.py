@@ -26,7 +26,7 @@ from typing import Final, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from piezo_ros.identification.hysteresis.least_squares import NormalEquations
+from piezo_ros.identification.estimation.least_squares import NormalEquations
 
 __all__ = [
     'Record',
@@ -42,6 +42,7 @@ __all__ = [
     'reversals_of',
     'split',
     'turns_of',
+    'without_first_rise',
 ]
 
 FOLDS: Final = 5
@@ -139,9 +140,8 @@ def make_records(
         raise ValueError(
             f'voltage_v has {len(voltages)} runs and displacement_um {len(displacements)}')
     return [
-        _record(index, voltage, displacement, virgin)
-        for index, (voltage, displacement) in enumerate(zip(voltages, displacements, strict=True))
-    ]
+        _record(index, *streams, virgin)
+        for index, streams in enumerate(zip(voltages, displacements, strict=True))]
 
 
 def refuse_single_branches(records: Sequence[Record]) -> None:
@@ -209,6 +209,11 @@ def _from_largest_voltage(record: Record) -> Record:
     weight = record.weight.copy()
     weight[:np.argmax(np.abs(record.voltage_v))] = 0.0
     return replace(record, weight=weight)
+
+
+def without_first_rise(record: Record) -> Record:
+    """Return the loops of a virgin stage alone: no weight before the largest voltage."""
+    return replace(_from_largest_voltage(record), virgin=False)
 
 
 def record_of_blocks(

@@ -16,8 +16,8 @@ import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
 
+from piezo_ros.identification.estimation.least_squares import NormalEquations, minimise
 from piezo_ros.identification.hysteresis.bouc_wen import BoucWenModel
-from piezo_ros.identification.hysteresis.least_squares import NormalEquations, minimise
 from piezo_ros.identification.hysteresis.mrc_fit import (
     PlayModel,
     elements_of_plays,
