@@ -172,6 +172,13 @@ class HysteresisParameters(ParameterSet):
                 f'asymmetry_weight is {list(weights)}: the slope falls to {flattest:g}, allowed is '
                 f'{_SMALLEST_SLOPE:g} or more, as the displacement must rise with the voltage')
 
+    @property
+    def largest_compliance_um_per_v(self) -> float:
+        """How far it moves for a volt where every limited element slips, um/V."""
+        constants = asymmetry_constants(self.asymmetry_threshold_um, self.asymmetry_weight)
+        steepest: float = max([1.0, *constants.slope_below, *constants.slope_above])
+        return self.kappa_um_per_v[-1] * steepest
+
 
 class HysteresisConstants(NamedTuple):
     """What the steps need of the parameters; lists in a node, arrays in a kernel."""

@@ -143,6 +143,24 @@ def test_a_plan_refuses_what_the_stage_cannot_make(tmp_path, reference_um, probl
         read_plan(tmp_path / 'plan.yaml')
 
 
+@pytest.mark.parametrize('more', [
+    'kappa_um_per_v: [1.41]',
+    'kappa_um_per_v: [1.28], asymmetry_threshold_um: [0.5], asymmetry_weight: [0.1]'])
+def test_a_step_may_be_as_large_as_the_compensator_makes_it_of_the_slew_limit(tmp_path, more):
+    # 1.28 um/V allow 0.233 um in a sample period, 1.41 um/V 0.257.
+    ramp_um = np.minimum(0.25 * np.arange(1000.0), 5.0)
+    write_motion_table(tmp_path / 'motion.npz', MotionTable(ramp_um, None, PERIOD_S))
+    plan = PLAN.format(file=tmp_path / 'motion.npz') + (
+        '    plant: {slew_limit_v_per_s: 18200.0, kappa_um_per_v: [1.28], saturation_v: []}\n'
+        '    compensator: {kappa_um_per_v: [1.28], saturation_v: []}\n')
+    (tmp_path / 'plan.yaml').write_text(plan)
+    with pytest.raises(PlanError, match=r'jumps by 0.25 um'):
+        read_plan(tmp_path / 'plan.yaml')
+    before, after = plan.rsplit('kappa_um_per_v: [1.28]', 1)
+    (tmp_path / 'plan.yaml').write_text(before + more + after)
+    assert read_plan(tmp_path / 'plan.yaml').runs
+
+
 def test_a_plan_refuses_commands_that_the_controller_would_cut_off(tmp_path):
     ramp_um = np.linspace(0.0, 2.0, 1000)
     write_motion_table(tmp_path / 'motion.npz', MotionTable(ramp_um, 1.1 * ramp_um, PERIOD_S))

@@ -250,8 +250,9 @@ def _check_table(
     trajectory_constants(trajectory)  # says what does not go with its commands
     _check_commands(run, motion, file)
     if plant.slew_limit_v_per_s:
-        # Where every element slips, the stage moves farthest for a volt.
-        most_um = plant.slew_limit_v_per_s * trajectory.sample_period_s * plant.kappa_um_per_v[-1]
+        # The commands become voltages by the model of the compensator, not by the stage's own.
+        most_um = plant.slew_limit_v_per_s * trajectory.sample_period_s * max(
+            plant.largest_compliance_um_per_v, run.compensator.largest_compliance_um_per_v)
         # A table that is played beside feedback has what this takes away again.
         share = _BESIDE_FEEDBACK if run.controller.uses_feedback else 1.0
         motion.check_steps(share * most_um, file)
