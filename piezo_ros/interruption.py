@@ -53,6 +53,15 @@ STOP_SIGNALS: Final = (signal.SIGINT, signal.SIGTERM, *_HANG_UP)
 _TERMINAL_FILES: Final = (0, 1, 2)
 
 
+class _StopSignalCame(KeyboardInterrupt):
+    """
+    A KeyboardInterrupt that leaves the exit code to the command.
+
+    Where one of Python's own class passes code that C has started, such as that of an extension
+    module, ``python -m`` ends by SIGINT after whatever exit code the command has returned.
+    """
+
+
 class Interruption:
     """
     Handler of stop signals that raises KeyboardInterrupt, and remembers the signal.
@@ -76,8 +85,12 @@ class Interruption:
         """Remember the signal and raise KeyboardInterrupt with its name."""
         self.signal_number = number
         leave_closed_terminal()
-        raise KeyboardInterrupt(signal.Signals(number).name)
+        self.raise_what_came()
 
+    def raise_what_came(self) -> None:
+        """Raise KeyboardInterrupt with the name of the signal, if one has come."""
+        if self.came:
+            raise _StopSignalCame(signal.Signals(self.signal_number).name)
 
 class HeldInterruption(Interruption):
     """Handler that raises once at most, and within `released` only; it remembers elsewhere."""
@@ -93,11 +106,6 @@ class HeldInterruption(Interruption):
         if self._may_raise:
             self._may_raise = False  # What follows the first is not to be cut off by a second.
             self.raise_what_came()
-
-    def raise_what_came(self) -> None:
-        """Raise KeyboardInterrupt with the name of the signal, if one has come."""
-        if self.came:
-            raise KeyboardInterrupt(signal.Signals(self.signal_number).name)
 
     @contextmanager
     def released(self) -> Iterator[None]:

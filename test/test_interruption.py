@@ -16,6 +16,9 @@
 
 import os
 import signal
+import subprocess
+import sys
+import textwrap
 
 import pytest
 
@@ -50,6 +53,34 @@ def test_one_that_was_caught_by_others_is_remembered(python_handler):
         assert was_interrupted(signal.getsignal(signal.SIGINT))
     assert signal.getsignal(signal.SIGINT) is before
     assert not was_interrupted(before)
+
+
+# Code that C has started, as that of an extension module, is interrupted; then the command ends.
+INTERRUPTED_IN_C = """
+    import ctypes
+    import sys
+    from piezo_ros.interruption import remembering_interruption
+    run = ctypes.pythonapi.PyRun_String
+    run.restype = ctypes.py_object
+    run.argtypes = [ctypes.c_char_p, ctypes.c_int, ctypes.py_object, ctypes.py_object]
+    names = {'__builtins__': __builtins__}
+    file_input = 257
+    try:
+        with remembering_interruption():
+            run(b'import os, signal; os.kill(os.getpid(), signal.SIGHUP)', file_input, names, names)
+    except KeyboardInterrupt as interrupt:
+        print(interrupt)
+        sys.exit(3)
+"""
+
+
+def test_one_in_code_that_c_has_started_leaves_the_exit_code(tmp_path):
+    (tmp_path / 'interrupted.py').write_text(textwrap.dedent(INTERRUPTED_IN_C))
+    paths = os.pathsep.join([str(tmp_path), *sys.path])
+    done = subprocess.run(
+        [sys.executable, '-m', 'interrupted'], env={**os.environ, 'PYTHONPATH': paths}, text=True,
+        capture_output=True, check=False)
+    assert (done.returncode, done.stdout) == (3, 'SIGHUP\n'), done.stderr
 
 
 def test_a_signal_that_is_ignored_stays_so():

@@ -131,8 +131,7 @@ def _run(arguments: Sequence[str], interruption: Interruption) -> int:
     if _COMPLETION in os.environ:
         from argcomplete import autocomplete
         autocomplete(parser)
-    if interruption.came:  # an import may have caught it
-        raise KeyboardInterrupt
+    interruption.raise_what_came()  # an import may have caught it
     options = parser.parse_args(arguments)
     from piezo_ros.cli.shared.outputs import check_written  # as much as a command, --help has none
     check_paths(vars(options).values())
