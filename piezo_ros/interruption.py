@@ -92,6 +92,7 @@ class Interruption:
         if self.came:
             raise _StopSignalCame(signal.Signals(self.signal_number).name)
 
+
 class HeldInterruption(Interruption):
     """Handler that raises once at most, and within `released` only; it remembers elsewhere."""
 
