@@ -232,7 +232,7 @@ def record_of_blocks(
     virgin : bool, optional
         As for `make_records`.
     every : int, optional
-        Samples in a bin at most, of which the mean is taken; those about turns stay alone.
+        Samples in a bin at least, of which the mean is taken; turns keep all samples.
 
     Raises
     ------
@@ -271,10 +271,10 @@ def record_of_blocks(
 
 def reduced(record: Record, samples: int = _MOST_SAMPLES) -> Record:
     """
-    Return a record of about so many samples: means over bins, and the samples about turns.
+    Return a record of about so many samples: means over bins, and every sample about a turn.
 
     Along a branch the displacement of the model is a straight line but for some bends, so that the
-    mean over a bin tells what its samples tell. No bin has samples of two branches.
+    mean over a bin tells what its samples tell. A bin in which the voltage turns stays as it is.
 
     Parameters
     ----------
@@ -288,13 +288,21 @@ def reduced(record: Record, samples: int = _MOST_SAMPLES) -> Record:
 
 
 def _in_bins(record: Record, length: int) -> Record:
-    """Return the means over at most so many samples of a branch; those about turns stay alone."""
+    """Return the means over bins of so many samples, and every sample about a turn."""
     size = record.voltage_v.size
     if length == 1:
         return record
-    about = turns_of(record.voltage_v)[:, np.newaxis] + np.arange(-1, 3)
+    bins = -(-size // length)
+    kept = np.zeros(bins, dtype=np.bool_)
+    turns = turns_of(record.voltage_v)
+    for neighbour in (-1, 0, 1):
+        kept[np.clip(turns + neighbour, 0, size - 1) // length] = True
+    kept[[0, -1]] = True
+    first = np.arange(bins) * length
+    # A bin of its own for each sample about a turn.
     starts = np.unique(np.concatenate([
-        np.arange(0, size, length), np.clip(about, 0, size - 1).ravel(), [1, size - 1]]))
+        first, (first[kept, np.newaxis] + np.arange(length)).ravel()]))
+    starts = starts[starts < size]
     count = np.diff(starts, append=size)
     weight = np.add.reduceat(record.weight, starts)
     used = np.maximum(weight, np.finfo(np.float64).tiny)

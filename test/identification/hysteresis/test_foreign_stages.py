@@ -253,18 +253,6 @@ def test_a_noisy_reading_of_the_voltage_is_reduced_all_the_same():
     assert record.voltage_v.size < 20_000
 
 
-def test_of_a_fast_triangle_no_more_is_kept_than_its_branches_and_turns():
-    samples, period = 200_000, 400
-    voltage_v = REACH_V * (2.0 / np.pi) * np.arcsin(
-        np.sin(2.0 * np.pi * (np.arange(samples) + 0.5) / period))
-    record = record_of_blocks([(voltage_v, 1.2 * voltage_v)], samples, every=1000)
-    turns = 2 * samples // period
-    assert record.voltage_v.size <= samples // 1000 + 4 * turns + 2
-    assert record.weight.sum() == samples
-    assert record.voltage_v.max() == voltage_v.max()
-    np.testing.assert_allclose(record.displacement_um, 1.2 * record.voltage_v, atol=1e-12)
-
-
 def test_loops_that_grow_serve_as_well_as_loops_that_shrink():
     stage = superposition(8, seed=2)
     fit = recorded(stage, amplitudes_v=REACH_V * SHARES[::-1])
