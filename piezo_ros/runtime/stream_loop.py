@@ -81,10 +81,10 @@ def serve_streams(nodes: Sequence[LoopNode], stop: StopRequest, wake: threading.
                 _nap()
         elif waited_for:
             # What has not come for a second may be long in coming: the loop stands still.
-            time.sleep(min(max(_SHORT_SLEEP_S, _SHARE_SLEPT_IN_LOOP * idle_s), _LONGEST_SLEEP_S))
+            _sleep(_SHARE_SLEPT_IN_LOOP * idle_s, _SHORT_SLEEP_S)
         elif following:
             # A node that was asked for nothing for so long has time; others need the processor.
-            time.sleep(min(max(least_sleep_s, _SHARE_SLEPT * idle_s), _LONGEST_SLEEP_S))
+            _sleep(_SHARE_SLEPT * idle_s, least_sleep_s)
         else:
             wake.wait(_HOUSEKEEPING_S)
             wake.clear()
@@ -97,6 +97,10 @@ def serve_streams(nodes: Sequence[LoopNode], stop: StopRequest, wake: threading.
                     node.run.break_off(error)
             if _all_over(nodes, now - idle_since):
                 return
+
+
+def _sleep(wanted_s: float, least_s: float) -> None:
+    time.sleep(min(max(least_s, wanted_s), _LONGEST_SLEEP_S))
 
 
 def _nap() -> None:

@@ -250,7 +250,8 @@ def _check_table(
     trajectory_constants(trajectory)  # says what does not go with its commands
     _check_commands(run, motion, file)
     if plant.slew_limit_v_per_s:
-        # The commands become voltages by the model of the compensator, not by the stage's own.
+        # Commands become voltages by the compensator's model of the stage, which may be another.
+        # What either of the two allows is no jump; the amplifier limits the rest.
         most_um = plant.slew_limit_v_per_s * trajectory.sample_period_s * max(
             plant.largest_compliance_um_per_v, run.compensator.largest_compliance_um_per_v)
         # A table that is played beside feedback has what this takes away again.

@@ -33,7 +33,7 @@ from piezo_ros.identification.hysteresis.asymmetry_fit import (
     fit_asymmetric,
     refit_asymmetric,
 )
-from piezo_ros.identification.hysteresis.levels import level_errors, weighted_by_amplitude
+from piezo_ros.identification.hysteresis.levels import level_errors
 from piezo_ros.identification.hysteresis.mrc_fit import drift_rate, fit_mrc, number_of_plays
 from piezo_ros.identification.hysteresis.mrc_start import Preparation, prepare
 from piezo_ros.identification.hysteresis.records import (
@@ -83,12 +83,12 @@ class CandidateFit(NamedTuple):
 
     def as_fitted(self, records: Sequence[Record]) -> list[Record]:
         """Return whole records as they are fitted: without drift, or without the first rise."""
-        found = _without_drift(records, self.drift_um)
-        if records[0].virgin and not self.few[0].virgin:
-            found = [without_first_rise(record) for record in found]
         if all(record.voltage_v is other.voltage_v for record, other in zip(
                 records, self.few, strict=True)):
             return self.settled
+        found = _without_drift(records, self.drift_um)
+        if records[0].virgin and not self.few[0].virgin:
+            found = [without_first_rise(record) for record in found]
         return found
 
     def with_finding(self, finding: str) -> 'CandidateFit':
@@ -125,9 +125,9 @@ def best_candidate(few: list[Record], weighted: list[Record], elements: int) -> 
     if best.validation.worst_percent <= FURTHER_PERCENT:
         return best
     best = _with_asymmetry_or_drift(best)
-    if best.validation.worst_percent > FURTHER_PERCENT and _has_loops_behind_first_rise(few):
-        best = _of_loops_alone(best, few, weighted)
-    return best
+    if best.validation.worst_percent <= FURTHER_PERCENT or not few[0].virgin:
+        return best
+    return _of_loops_alone(best, few, weighted)
 
 
 def _with_asymmetry_or_drift(plain: CandidateFit) -> CandidateFit:
@@ -162,13 +162,6 @@ def _asymmetric(plain: CandidateFit) -> CandidateFit:
     return plain.judged(preparation, best)
 
 
-def _has_loops_behind_first_rise(records: Sequence[Record]) -> bool:
-    """Return whether most of the data is behind the largest voltage of a virgin stage."""
-    behind = sum(float(without_first_rise(record).weight.sum()) for record in records)
-    return records[0].virgin and behind > 0.5 * sum(
-        float(record.weight.sum()) for record in records)
-
-
 def _of_loops_alone(
     best: CandidateFit, few: Sequence[Record], weighted: Sequence[Record],
 ) -> CandidateFit:
@@ -176,17 +169,24 @@ def _of_loops_alone(
     Return the fit without the first rise, where that contradicts the loops.
 
     It does where the stage lags by other voltages upwards and downwards, and where it was not
-    virgin.
+    virgin. Most of the data must be loops behind it.
     """
+    loops_of_few = [without_first_rise(record) for record in few]
+    if _samples(loops_of_few) <= 0.5 * _samples(few):
+        return best
     plain = _candidate(
-        [without_first_rise(record) for record in few],
-        [without_first_rise(record) for record in weighted], number_of_plays(best.fit.theta))
+        loops_of_few, [without_first_rise(record) for record in weighted],
+        number_of_plays(best.fit.theta))
     other = _with_asymmetry_or_drift(plain)
     loops = other.settled
     noise_um = other.validation.noise_rms_um
     if _left_um(other.fit, loops, noise_um) > _FURTHER_GAIN * _left_um(best.fit, loops, noise_um):
         return best
     return other.with_finding('the first rise contradicts the loops and is left out')
+
+
+def _samples(records: Sequence[Record]) -> float:
+    return sum(float(record.weight.sum()) for record in records)
 
 
 def _left_um(
@@ -275,8 +275,7 @@ def _settled(few: Sequence[Record], preparation: Preparation) -> list[Record]:
 def error_of_elements(best: CandidateFit, elements: int) -> float:
     """Return what is left of a loop with another number of elements, percent of its span."""
     few = best.few
-    preparation = prepare(
-        weighted_by_amplitude(few), [elements], virgin=few[0].virgin)
+    preparation = prepare(best.weighted, [elements], virgin=few[0].virgin)
     fit = _symmetric(preparation, preparation.starts[elements], _FOLD_STEPS)
     if best.fit.weight.size:
         fit = fit_asymmetric(preparation.records, fit, preparation.delay_bounds) or fit
