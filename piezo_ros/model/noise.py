@@ -125,9 +125,11 @@ class NoiseSource:
 
     def block(self, start: int, count: int) -> NDArray[np.float64]:
         """Return the noise of consecutive samples, as `unit_noise` does."""
-        parts = []
-        while count > 0:
-            first, values = self.window(start)
-            parts.append(values[start - first:start - first + count])
-            start, count = start + parts[-1].size, count - parts[-1].size
-        return parts[0] if len(parts) == 1 else np.concatenate([np.empty(0), *parts])
+        noise = np.empty(count)
+        done = 0
+        while done < count:
+            number, at = divmod(start + done, _CHUNK)
+            part = _chunk(self._seed, number)[at:at + count - done]
+            noise[done:done + part.size] = part
+            done += part.size
+        return noise

@@ -36,7 +36,6 @@ from piezo_ros.parameters.node_parameters import (
 )
 from piezo_ros.runtime.node.answering import AnsweringNode
 from piezo_ros.runtime.node.parameters import read
-from piezo_ros.runtime.streams.bursts import publish_blocks
 from piezo_ros.runtime.streams.reader import StreamReader
 
 __all__ = ['Plant']
@@ -127,7 +126,7 @@ class Plant(AnsweringNode):
             return False
         if samples.size:
             index = self.reader.next_index - samples.size
-            publish_blocks(self.writer, self.answer(index, samples), [samples.size])
+            self.writer.publish(self.answer(index, samples))
         self.after_answer()
         if self.reader.ended:
             self.finish()

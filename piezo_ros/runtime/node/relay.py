@@ -32,6 +32,7 @@ from std_msgs.msg import Float64MultiArray
 from piezo_ros.runtime.node.hooks import NodeHooks
 from piezo_ros.runtime.streams.reader import NO_BYTES, StreamReader
 from piezo_ros.runtime.streams.writer import StreamWriter
+from piezo_ros.streams import BlockCodec
 
 __all__ = ['Relay', 'RelayedElement']
 
@@ -113,7 +114,8 @@ class Relay:
         from piezo_ros.runtime.node.relay_kernel import relay_kernel
         take_message, message_type = reader.subscription.handle.take_message, Float64MultiArray
         memory = element.memory
-        expected = np.frombuffer(reader.example(), np.uint8)
+        expected = np.frombuffer(
+            BlockCodec(reader.stream).encode(0, reader.sample_period_s or 0.0, [0.0]), np.uint8)
         message, copy = writer.message, writer.copy
         own = np.frombuffer(message, np.uint8)
         recent = copy.recent if copy else np.zeros(1)

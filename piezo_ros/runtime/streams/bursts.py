@@ -13,19 +13,19 @@
 # limitations under the License.
 
 """
-Blocks that wait are dealt with together: one calculation, and no more messages than needed.
+Blocks that wait are dealt with together, by no more messages than needed.
 
 Where the boundaries of blocks are carries no meaning, and a message costs the same, however many
-samples it has: those that have piled up before a node that is behind go on as one.
+samples it has: those that have piled up before a node that is behind go on as one. Each message is
+sent as soon as it is computed, so that the next node can begin.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from piezo_ros.runtime.streams.fault import StreamFault
 from piezo_ros.runtime.streams.reader import StreamReader
 from piezo_ros.runtime.streams.writer import StreamWriter
 
@@ -35,7 +35,6 @@ __all__ = [
     'NAP_S',
     'answer_taken',
     'answer_waiting',
-    'publish_blocks',
 ]
 
 # How long a node without a block sleeps: yielding alone takes time from the node that has one.
@@ -55,10 +54,11 @@ def answer_waiting(
     Parameters
     ----------
     reader, writer : StreamReader, StreamWriter
-        The streams; see `publish_blocks` for the blocks of the answer.
+        The streams. Blocks that wait are joined as far as they fit into a datagram; a longer one
+        stays as it is.
     answer : callable
-        Takes the index of the first sample and the samples of all blocks, shape (N,), and returns
-        as many.
+        Takes the index of the first sample and the samples of one message or several, shape (N,),
+        and returns as many.
 
     Returns
     -------
@@ -85,39 +85,28 @@ def answer_taken(
     """Do as `answer_waiting`, beginning with a message that was taken and not looked at."""
     if not reader.raw:
         return 0
-    blocks, fault = _take_burst(reader)
+    blocks, fault = reader.take_blocks(BURST_BLOCKS)
     sizes = [block.size for block in blocks]
-    if sizes:
-        samples = np.concatenate(blocks)
-        publish_blocks(writer, answer(reader.next_index - samples.size, samples), sizes)
+    first = reader.next_index - sum(sizes)  # now, for a run may begin at any index
+    for samples in _joined(blocks):
+        writer.publish(answer(first, samples))
+        first += samples.size
     if fault:
         raise fault
     return max(sizes, default=0)
 
 
-def publish_blocks(
-    writer: StreamWriter, samples: Sequence[float] | _Samples, sizes: Sequence[int],
-) -> None:
-    """Publish what answers blocks of given sizes, joined as far as they fit into a datagram."""
-    first = end = 0
-    for size in sizes:
-        if end > first and end + size - first > MOST_JOINED:
-            writer.publish(samples[first:end])
-            first = end
-        end += size
-    writer.publish(samples[first:end])
-
-
-def _take_burst(reader: StreamReader) -> tuple[list[_Samples], StreamFault | None]:
-    """Return the samples of the block at hand and of those that wait, and what ended them."""
-    blocks: list[_Samples] = []
-    try:
-        for taken in range(1, BURST_BLOCKS + 1):
-            samples = reader.take_rest()
-            if samples is not None and samples.size:
-                blocks.append(samples)
-            if taken == BURST_BLOCKS or reader.ended or not reader.take_raw():
-                break
-    except StreamFault as fault:
-        return blocks, fault
-    return blocks, None
+def _joined(blocks: Sequence[_Samples]) -> Iterator[_Samples]:
+    """Join consecutive blocks as far as they fit into a datagram."""
+    together: list[_Samples] = []
+    count = 0
+    for block in blocks:
+        if together and count + block.size > MOST_JOINED:
+            yield np.concatenate(together)
+            together, count = [], 0
+        together.append(block)
+        count += block.size
+    if together:
+        # A single one is copied too: for an array that must not be written, as blocks of bytes
+        # are, a kernel would be compiled anew.
+        yield np.concatenate(together)

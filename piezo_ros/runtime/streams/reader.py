@@ -70,6 +70,8 @@ class StreamReader:
     is_open : bool
         Whether a run has begun here that is not over; set to False where it could not begin after
         all, so that what has come for it is of the next one.
+    sample_period_s : float or None
+        The only sample period that is taken; None before a run has told it.
     ended : bool
         Whether the end marker of the run was taken.
     refused, gaps : int
@@ -104,7 +106,7 @@ class StreamReader:
         self.held = self._fence.held
         self._take_message: Callable[[Any, bool], Any] = self.subscription.handle.take_message
         self.is_open = False
-        self._period_s: float | None = None
+        self.sample_period_s: float | None = None
         self._fast_period_s = math.nan  # the period while the quick path may be taken, else NaN
         self._first = 0
         self._any_start = False
@@ -136,7 +138,7 @@ class StreamReader:
         self.ended = False
         self.is_open = True
         self._any_start = index < 0
-        self._period_s = sample_period_s
+        self.sample_period_s = sample_period_s
         self._fast_period_s = math.nan  # whatever comes first is looked at closely
         self._lost = None
         self._fault = None
@@ -145,10 +147,6 @@ class StreamReader:
     def received(self) -> int:
         """Number of samples of this run."""
         return self.next_index - self._first
-
-    def example(self) -> bytes:
-        """Return a message of one sample as the run that has begun expects it."""
-        return self._codec.encode(0, self._period_s or 0.0, [0.0])
 
     def discard_rest(self) -> None:
         """Throw away the messages of a run that was ended here before its end marker came."""
@@ -230,6 +228,35 @@ class StreamReader:
             return None
         return self._take_any(raw)
 
+    def take_blocks(self, most: int) -> tuple[list[NDArray[np.float64]], StreamFault | None]:
+        """
+        Return the samples of the message that was taken before and of those that wait behind it.
+
+        Parameters
+        ----------
+        most : int
+            The number of messages, at most.
+
+        Returns
+        -------
+        blocks : list of ndarray of float64, shape (N,)
+            What was taken, up to the end marker.
+        fault : StreamFault or None
+            What `take_rest` raised behind the blocks.
+
+        """
+        blocks: list[NDArray[np.float64]] = []
+        try:
+            for taken in range(1, most + 1):
+                samples = self.take_rest()
+                if samples is not None and samples.size:
+                    blocks.append(samples)
+                if taken == most or self.ended or not self.take_raw():
+                    break
+        except StreamFault as fault:
+            return blocks, fault
+        return blocks, None
+
     def _take_any(self, raw: bytes) -> NDArray[np.float64] | None:
         """Decode and check a message of any kind."""
         try:
@@ -237,7 +264,7 @@ class StreamReader:
         except MalformedBlockError as error:
             self._refuse(str(error))
             return None
-        if index != self.next_index or period_s != self._period_s or self.ended:
+        if index != self.next_index or period_s != self.sample_period_s or self.ended:
             if not self._accept_other(index, period_s, samples.size):
                 return None
         if samples.size:
@@ -263,7 +290,7 @@ class StreamReader:
 
     def fill_many(self, most: int) -> bool:
         """
-        Move blocks into the queue; return whether there were any.
+        Move blocks, `most` at most, into the queue; return whether there was anything.
 
         Raises
         ------
@@ -273,15 +300,15 @@ class StreamReader:
         """
         if self._fault and not self.queue:
             raise self._fault
-        blocks = 0
-        try:
-            while blocks < most and self.fill():
-                blocks += 1
-        except StreamFault as fault:
-            if not self.queue:
-                raise
-            self._fault = fault
-        return blocks > 0
+        if not self.take_raw():
+            return False
+        blocks, fault = self.take_blocks(most)
+        if blocks:
+            self.queue.join(blocks)
+        if fault and not self.queue:
+            raise fault
+        self._fault = fault or self._fault
+        return bool(blocks) or self.ended
 
     def take_from(self, index: int) -> bool:
         """
@@ -345,11 +372,11 @@ class StreamReader:
                 f'sample {index} comes after '
                 f'{"the end" if self.ended else f"sample {self.next_index - 1}"}')
             return False
-        if self._period_s is None:
-            self._period_s = period_s
-        if period_s != self._period_s:
+        if self.sample_period_s is None:
+            self.sample_period_s = period_s
+        if period_s != self.sample_period_s:
             raise StreamFault(
-                f'{topic} has the sample period {period_s!r} s, expected {self._period_s!r} s'
+                f'{topic} has the sample period {period_s!r} s, expected {self.sample_period_s!r} s'
                 f'{writers_beside(self._node, self.subscription)}')
         if first:
             self._first = self.next_index = index

@@ -56,6 +56,11 @@ class SampleQueue:
         self._samples[self._end:end] = samples
         self._end = end
 
+    def join(self, blocks: Sequence[NDArray[np.float64]]) -> None:
+        """Add the samples of blocks, at least one, by a single copy."""
+        self._samples = np.concatenate([self.waiting, *blocks] if self else blocks)
+        self._first, self._end = 0, self._samples.size
+
     def popleft(self) -> float:
         """
         Return the oldest sample, which waits no more.

@@ -16,7 +16,7 @@
 
 import math
 import struct
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 
 import numpy as np
@@ -31,6 +31,9 @@ from piezo_ros.streams import BlockCodec
 __all__ = ['StreamWriter']
 
 _unpack_number = struct.Struct('<d').unpack_from
+_pair = struct.Struct('<2d')  # index and sample period of a block
+# A message, what writes its index and sample period, and its samples.
+_Block = tuple[bytearray, Callable[[int, float], None], NDArray[np.float64]]
 _KEPT_LENGTHS = 16  # lengths of blocks for which a message is kept and written over
 _LONGEST_KEPT = 10_000  # samples
 
@@ -69,7 +72,7 @@ class StreamWriter:
         self.message = bytearray(head) + bytes(numbers.size)
         self._write_numbers = partial(numbers.pack_into, self.message, len(head))
         # Longer blocks have one buffer for each length.
-        self._blocks: dict[int, tuple[bytearray, NDArray[np.float64]]] = {}
+        self._blocks: dict[int, _Block] = {}
         self._period_s = 0.0
         self._first = 0
         self._ended = False
@@ -147,9 +150,9 @@ class StreamWriter:
         if count == 1:
             self.publish_one(float(values[0]))
             return
-        raw, numbers = self._blocks.get(count) or self._new_block(count)
-        numbers[0], numbers[1] = index, self._period_s
-        numbers[2:] = values
+        raw, write_pair, samples = self._blocks.get(count) or self._new_block(count)
+        write_pair(index, self._period_s)
+        samples[:] = values
         self.outlet.publish(raw, index)
         # These are sent, whatever becomes of the copy.
         self.next_index = index + count
@@ -157,11 +160,14 @@ class StreamWriter:
         if self.copy:
             self.copy.pass_on(raw, index, count)
 
-    def _new_block(self, count: int) -> tuple[bytearray, NDArray[np.float64]]:
+    def _new_block(self, count: int) -> _Block:
         """Make the buffer of the blocks of a length; it is kept unless the block is large."""
         head = self._codec.header(count)[0]
-        raw = bytearray(head) + bytes(8 * (count + 2))
-        block = raw, np.frombuffer(raw, '<f8', -1, len(head))
+        at = len(head)
+        raw = bytearray(head) + bytes(_pair.size + 8 * count)
+        block = (
+            raw, partial(_pair.pack_into, raw, at),
+            np.frombuffer(raw, '<f8', -1, at + _pair.size))
         if count <= _LONGEST_KEPT:
             if len(self._blocks) >= _KEPT_LENGTHS:
                 self._blocks.clear()

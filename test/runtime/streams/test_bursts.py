@@ -23,7 +23,6 @@ from piezo_ros.runtime.streams.bursts import (
     MOST_JOINED,
     answer_taken,
     answer_waiting,
-    publish_blocks,
 )
 
 DATAGRAM_BYTES = 65_507  # of UDP over IPv4
@@ -135,8 +134,30 @@ def test_a_message_that_was_taken_before_comes_first(answering):
     ([500] * 16, [7500, 500]),
 ])
 def test_answers_are_joined_up_to_a_datagram(answering, sizes, expected):
-    publish_blocks(answering.writer, np.arange(float(sum(sizes))), sizes)
+    for size in sizes:
+        answering.commands.publish(np.arange(float(size)))
+    answering.answer_waiting()
     assert answering.sizes() == expected
+    assert [size for _, size in answering.asked] == expected
+
+
+def test_a_message_is_sent_before_the_next_is_computed(answering):
+    seen = []
+    for _ in range(3):
+        answering.commands.publish(np.zeros(5000))
+    answer_waiting(
+        answering.reader, answering.writer,
+        lambda index, samples: seen.append((index, len(answering.answers.messages))) or samples)
+    assert seen == [(0, 0), (5000, 1), (10_000, 2)]
+
+
+def test_a_run_that_begins_in_mid_stream_is_asked_for_its_own_indices(answering):
+    answering.reader.start(-1, PERIOD_S)
+    answering.commands.start(40, PERIOD_S)
+    answering.commands.publish([1.0, 2.0])
+    answering.commands.publish([3.0, 4.0])
+    answering.answer_waiting()
+    assert answering.asked == [(40, 4)]
 
 
 def test_the_longest_joined_block_fits_into_a_datagram(answering):
