@@ -32,8 +32,9 @@ _SEPARATE_PERIODS: Final = 150.0
 _BLOCK_PERIODS: Final = 60_000.0
 _BLOCK_SAMPLES: Final = 1000
 _BLOCK_ROUNDS: Final = 40_000
-# Enough that neither the ring nor the graph waits for messages. With 80 the ring is as quick, but the
-# graph leaves a quarter of two cores idle: a new demand comes when half of the last one is used up.
+# Enough that neither the ring nor the graph waits for messages. With 80 the ring is as quick, but
+# the graph leaves a quarter of two cores idle, as a new demand comes when half of the last one is
+# used up.
 _BLOCKS_IN_FLIGHT: Final = 320
 # The demand leads by half of the look-ahead to all of it: by three quarters on average.
 _LOOKAHEAD_SAMPLES: Final = _BLOCKS_IN_FLIGHT * _BLOCK_SAMPLES * 4 // 3
