@@ -20,6 +20,7 @@ that they must have and read as the rows of a matrix. Blocks of any other layout
 one.
 """
 
+from functools import lru_cache
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -32,6 +33,7 @@ from piezo_ros.streams.block import HEADER_NUMBERS
 __all__ = ['Blocks', 'decoded']
 
 _ENCAPSULATION_BYTES: Final = 4
+_U2, _U8 = np.dtype('<u2'), np.dtype('<u8')
 _Floats = NDArray[np.float64]
 _Integers = NDArray[np.int64]
 
@@ -98,19 +100,16 @@ def _equal_blocks(
     codec: BlockCodec, data: bytes, messages: _Integers, size: int,
 ) -> Blocks | None:
     """Decode blocks of one size, None unless every one has the layout of `BlockCodec`."""
-    count, rest = divmod(size - len(codec.header(0)[0]), 8)
-    count -= HEADER_NUMBERS
-    if count < 0 or rest:
+    layout = _layout(codec.stream, size)
+    if layout is None:
         return None
-    header, mask = codec.header(count)
+    count, encapsulation, expected, matters = layout
     starts = messages + MESSAGE_HEAD_BYTES
     stride = _stride(starts)
-    if (_rows(data, starts, stride, '<u2', 1) != int.from_bytes(header[:2], 'little')).any():
+    if (_rows(data, starts, stride, _U2, 1) != encapsulation).any():
         return None
     words = _rows(
-        data, starts + _ENCAPSULATION_BYTES, stride, '<u8', (size - _ENCAPSULATION_BYTES) // 8)
-    expected = np.frombuffer(header[_ENCAPSULATION_BYTES:], '<u8')[:, np.newaxis]
-    matters = np.frombuffer(mask[_ENCAPSULATION_BYTES:], '<u8')[:, np.newaxis]
+        data, starts + _ENCAPSULATION_BYTES, stride, _U8, (size - _ENCAPSULATION_BYTES) // 8)
     # NumPy works along the last axis: where blocks are short, there are more blocks than words.
     heads = np.ascontiguousarray(words[:, :len(expected) + HEADER_NUMBERS].T)
     if ((heads[:len(expected)] & matters) != expected).any():
@@ -118,6 +117,42 @@ def _equal_blocks(
     indices, periods_s = heads[len(expected):].view('<f8').astype(np.float64)
     samples = words[:, len(heads):].view('<f8').astype(np.float64).ravel()
     return Blocks(indices, periods_s, np.full(messages.size, count), samples)
+
+
+class _Layout(NamedTuple):
+    """
+    What the blocks of one size of a stream begin with.
+
+    Attributes
+    ----------
+    samples : int
+        Samples in a block.
+    encapsulation : int
+        The first two bytes.
+    expected, matters : ndarray of uint64, shape (words, 1)
+        The words from the encapsulation to the first number, and which of their bits matter.
+
+    """
+
+    samples: int
+    encapsulation: int
+    expected: NDArray[np.uint64]
+    matters: NDArray[np.uint64]
+
+
+@lru_cache(maxsize=256)
+def _layout(stream: str, size: int) -> _Layout | None:
+    """Return the layout of the blocks of a stream with so many bytes; None if none has so many."""
+    codec = BlockCodec(stream)
+    count, rest = divmod(size - len(codec.header(0)[0]), 8)
+    count -= HEADER_NUMBERS
+    if count < 0 or rest:
+        return None
+    header, mask = codec.header(count)
+    expected, matters = (
+        np.frombuffer(content[_ENCAPSULATION_BYTES:], _U8)[:, np.newaxis]
+        for content in (header, mask))
+    return _Layout(count, int.from_bytes(header[:2], 'little'), expected, matters)
 
 
 def _one_by_one(
@@ -155,15 +190,14 @@ def _stride(starts: _Integers) -> int | None:
 
 
 def _rows(
-    data: bytes, starts: _Integers, stride: int | None, kind: str, width: int,
+    data: bytes, starts: _Integers, stride: int | None, kind: np.dtype[Any], width: int,
 ) -> NDArray[Any]:
     """Return so many numbers from each start on, a view where the stride is regular."""
-    item_bytes = np.dtype(kind).itemsize
     if stride is not None:
         return np.ndarray(
             (starts.size, width), kind, buffer=data, offset=int(starts[0]),
-            strides=(stride, item_bytes))
-    gathered = unaligned(data, f'V{width * item_bytes}')[starts]
+            strides=(stride, kind.itemsize))
+    gathered = unaligned(data, f'V{width * kind.itemsize}')[starts]
     return gathered.view(kind).reshape(starts.size, width)
 
 

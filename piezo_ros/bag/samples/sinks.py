@@ -55,7 +55,8 @@ class Collected:
         end = self._count + samples.size
         if end > self._samples.size:
             before = self._samples[:self._count]
-            self._samples = np.empty(max(end, 2 * before.size))
+            # Room that is never written takes no memory, to move the samples takes time.
+            self._samples = np.empty(max(end, 4 * before.size))
             self._samples[:before.size] = before
         self._samples[self._count:end] = samples
         self._count = end
