@@ -213,7 +213,7 @@ class StreamAssembler:
     def _leading(self, blocks: Blocks) -> tuple[int, str | None]:
         """Return how many blocks are in order, and what is wrong with the next one."""
         indices, periods, counts = blocks.indices, blocks.periods_s, blocks.counts
-        sent = np.cumsum(counts) - counts + self.count
+        sent = self.count + (np.cumsum(counts) - counts).astype(np.float64)
         expected = (
             self.start_index if self._blocks or self._given_start is not None else indices[0]
         ) + sent

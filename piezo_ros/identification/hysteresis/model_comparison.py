@@ -36,10 +36,10 @@ from piezo_ros.identification.hysteresis.mrc_start import prepare
 from piezo_ros.identification.hysteresis.records import (
     Record,
     concatenated_residual,
-    cross_validate,
     make_records,
     predict,
 )
+from piezo_ros.identification.hysteresis.validation import cross_validate
 
 __all__ = ['ModelScore', 'compare_hysteresis_models', 'compare_records']
 

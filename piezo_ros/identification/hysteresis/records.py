@@ -12,14 +12,9 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""
-Recorded runs as the hysteresis fits need them: checks, normal equations, cross-validation.
+"""Recorded runs as the hysteresis fits need them: checks, reduction, normal equations."""
 
-Cross-validation: each run is cut into 55 blocks, block b belongs to fold b mod 5. The score of a
-fold is its mean squared error under the model that is fitted to the other folds.
-"""
-
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Final, Protocol
 
@@ -33,26 +28,23 @@ __all__ = [
     'RecordModel',
     'accumulate',
     'concatenated_residual',
-    'cross_validate',
     'make_records',
     'predict',
     'record_of_blocks',
     'reduced',
     'refuse_single_branches',
     'reversals_of',
-    'split',
     'turns_of',
     'without_first_rise',
 ]
 
-FOLDS: Final = 5
-# Blocks per fold; odd, so that the blocks of a fold meet different phases of a periodic excitation.
-_BLOCKS_PER_FOLD: Final = 11
 _FEWEST_SAMPLES: Final = 100
 # Share of the peak-to-peak voltage by which the voltage must turn back to count as a reversal.
 _REVERSAL_SHARE: Final = 0.01
 # Longer records are averaged over bins to so many samples, beside their turns.
 _MOST_SAMPLES: Final = 200_000
+# Bins with turns of which all samples stay, one after another, where there are too many of them.
+_WHOLE_TOGETHER: Final = 4
 # A voltage with more turns than that is a noisy reading: it turns where it does by this many times
 # the noise.
 _MOST_TURNS: Final = 20_000
@@ -232,7 +224,7 @@ def record_of_blocks(
     virgin : bool, optional
         As for `make_records`.
     every : int, optional
-        Samples in a bin at least, of which the mean is taken; turns keep all samples.
+        Samples in a bin at least, of which the mean is taken; see `reduced` for those at turns.
 
     Raises
     ------
@@ -256,7 +248,7 @@ def record_of_blocks(
         parts.append(_in_bins(Record(
             voltage, np.where(measured, displacement, 0.0), measured.astype(np.float64), measured,
             start + np.arange(voltage.size, dtype=np.float64), virgin, int((~measured).sum())),
-            length))
+            length, -(-_MOST_SAMPLES * voltage.size // samples)))
         start += voltage.size
     record = Record(
         np.concatenate([part.voltage_v for part in parts]),
@@ -275,6 +267,8 @@ def reduced(record: Record, samples: int = _MOST_SAMPLES) -> Record:
 
     Along a branch the displacement of the model is a straight line but for some bends, so that the
     mean over a bin tells what its samples tell. A bin in which the voltage turns stays as it is.
+    Where turns follow each other so fast that more than so many samples would stay, only some of
+    these bins do, evenly spread; the others have no weight and tell the voltage alone.
 
     Parameters
     ----------
@@ -284,11 +278,11 @@ def reduced(record: Record, samples: int = _MOST_SAMPLES) -> Record:
         Bins at most.
 
     """
-    return _in_bins(record, -(-record.voltage_v.size // samples))
+    return _in_bins(record, -(-record.voltage_v.size // samples), samples)
 
 
-def _in_bins(record: Record, length: int) -> Record:
-    """Return the means over bins of so many samples, and every sample about a turn."""
+def _in_bins(record: Record, length: int, most_whole: int) -> Record:
+    """Return the means over bins of so many samples, and every sample of those with a turn."""
     size = record.voltage_v.size
     if length == 1:
         return record
@@ -298,10 +292,12 @@ def _in_bins(record: Record, length: int) -> Record:
     for neighbour in (-1, 0, 1):
         kept[np.clip(turns + neighbour, 0, size - 1) // length] = True
     kept[[0, -1]] = True
+    dropped = _dropped(kept, most_whole // length)
+    turns = turns[dropped[turns // length]]
     first = np.arange(bins) * length
-    # A bin of its own for each sample about a turn.
+    # A bin of its own for each sample about a turn, or for the turn alone.
     starts = np.unique(np.concatenate([
-        first, (first[kept, np.newaxis] + np.arange(length)).ravel()]))
+        first, (first[kept & ~dropped, np.newaxis] + np.arange(length)).ravel(), turns, turns + 1]))
     starts = starts[starts < size]
     count = np.diff(starts, append=size)
     weight = np.add.reduceat(record.weight, starts)
@@ -314,9 +310,20 @@ def _in_bins(record: Record, length: int) -> Record:
         return np.where(weight > 0.0, weighted, plain)
 
     return Record(
-        mean(record.voltage_v), mean(record.displacement_um), weight,
+        mean(record.voltage_v), mean(record.displacement_um),
+        np.where(dropped[starts // length], 0.0, weight),
         np.logical_or.reduceat(record.measured, starts), mean(record.index),
         record.virgin, record.lost)
+
+
+def _dropped(kept: NDArray[np.bool_], most: int) -> NDArray[np.bool_]:
+    """Return which of the bins that shall stay as they are have to go, if most may stay."""
+    dropped = np.zeros_like(kept)
+    places = np.flatnonzero(kept)
+    if places.size > most:
+        together = np.arange(places.size) // _WHOLE_TOGETHER
+        dropped[places[together % -(-places.size // max(most, 1)) != 0]] = True
+    return dropped
 
 
 def turns_of(voltage_v: _Floats) -> NDArray[np.int64]:
@@ -395,56 +402,3 @@ def concatenated_residual(
     return np.concatenate([
         np.where(record.weight > 0.0, record.displacement_um - prediction, np.nan)
         for record, prediction in zip(records, predictions, strict=True)])
-
-
-def cross_validate(
-    records: Sequence[Record], fit_and_predict: Callable[[Sequence[Record]], list[_Floats]],
-) -> tuple[_Floats, _Floats]:
-    """
-    Return the mean squared error of each fold as predicted from the others.
-
-    The folds are interleaved blocks. In a block that is left out the model still follows the
-    voltage, as its memory needs it; the displacement there is not used.
-
-    Parameters
-    ----------
-    records : sequence of Record
-        All data.
-    fit_and_predict : callable
-        Fits a model to the records and returns its predictions for the same records.
-
-    Returns
-    -------
-    errors : ndarray, shape (5,)
-        Mean squared error of every fold, um^2.
-    residual_um : ndarray, shape (N,)
-        Measured displacement less that predicted from the other folds, all records.
-
-    """
-    errors = np.empty(FOLDS)
-    whole = np.full(sum(record.voltage_v.size for record in records), np.nan)
-    for fold in range(FOLDS):
-        inside = [_fold_mask(record, fold) for record in records]
-        training, test = split(records, inside)
-        residual = concatenated_residual(test, fit_and_predict(training))
-        errors[fold] = np.nanmean(residual ** 2)
-        whole = np.where(np.isfinite(residual), residual, whole)
-    return errors, whole
-
-
-def split(
-    records: Sequence[Record], held_out: Sequence[NDArray[np.bool_]],
-) -> tuple[list[Record], list[Record]]:
-    """Return the records with the weight of what is not held out, and of what is."""
-    training = [
-        replace(record, weight=np.where(mask, 0.0, record.weight))
-        for record, mask in zip(records, held_out, strict=True)]
-    test = [
-        replace(record, weight=np.where(mask, record.weight, 0.0))
-        for record, mask in zip(records, held_out, strict=True)]
-    return training, test
-
-
-def _fold_mask(record: Record, fold: int) -> NDArray[np.bool_]:
-    block = np.arange(record.voltage_v.size) * (FOLDS * _BLOCKS_PER_FOLD) // record.voltage_v.size
-    return np.asarray(block % FOLDS == fold)

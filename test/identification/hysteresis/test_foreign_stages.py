@@ -23,7 +23,12 @@ from piezo_ros.identification.hysteresis.hysteresis_fit import (
     fit_hysteresis,
     fit_hysteresis_records,
 )
-from piezo_ros.identification.hysteresis.records import record_of_blocks
+from piezo_ros.identification.hysteresis.records import (
+    make_records,
+    record_of_blocks,
+    reduced,
+    turns_of,
+)
 
 REACH_V = 10.0
 SHARES = np.linspace(1.0, 0.1, 10)
@@ -251,6 +256,22 @@ def test_a_noisy_reading_of_the_voltage_is_reduced_all_the_same():
         [(voltage_v + noise_v, superposition(1)(voltage_v[::100]).repeat(100)[:voltage_v.size])],
         voltage_v.size, every=100)
     assert record.voltage_v.size < 20_000
+
+
+def test_turns_that_follow_each_other_faster_than_bins_stay_in_part():
+    stage = superposition(5)
+    voltage_v = triangle(REACH_V * np.linspace(1.0, 0.1, 1000), 40)  # bins of 21, a turn in each
+    noise_um = 1e-3 * np.random.default_rng(0).normal(size=voltage_v.size)
+    record = make_records(voltage_v, stage(voltage_v) + noise_um)[0]
+    few = reduced(record, 2000)
+    assert np.count_nonzero(few.weight) < 2500
+    assert few.voltage_v.size < 10_000
+    assert np.isin(voltage_v[turns_of(voltage_v)], few.voltage_v).all()
+    used = few.index[few.weight > 0.0]
+    assert np.diff(used).max() < 0.1 * voltage_v.size  # from the whole run
+    fit = fit_hysteresis_records([few])
+    assert left_percent(fit, stage, 0.95) < 0.15
+    assert left_percent(fit, stage, 0.2) < 0.3
 
 
 def test_loops_that_grow_serve_as_well_as_loops_that_shrink():

@@ -25,11 +25,11 @@ from piezo_ros.identification.hysteresis.mrc_fit import (
 from piezo_ros.identification.hysteresis.mrc_start import plays_of_rising_curve
 from piezo_ros.identification.hysteresis.records import (
     accumulate,
-    cross_validate,
     make_records,
     predict,
     reversals_of,
 )
+from piezo_ros.identification.hysteresis.validation import cross_validate
 from piezo_ros.model import MaxwellResistiveCapacitor
 
 PLAYS = np.array([0.7, 0.2, 0.1, 0.25, 0.1, 0.5, 1.1, 0.0, 0.03])
