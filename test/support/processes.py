@@ -29,7 +29,7 @@ import pytest
 import yaml
 from python_path import python_path
 
-from piezo_ros.bag import STREAMS
+from piezo_ros.bag import STREAMS, BagError, read
 from piezo_ros.launching.arguments import LAUNCH_FILES
 from piezo_ros.launching.processes import node_processes
 from piezo_ros.runtime.process.running_time import RunningTime
@@ -312,7 +312,7 @@ def start_long(rig, write_plan):
     """
     Start a run that takes minutes; return its command once samples of the loop are on the disk.
 
-    Parameters, and what the trajectory sends before it is answered, are 20 kB.
+    A chunk of them is whole: of one that is being written nothing is read after a kill.
     """
     def start(processes, watchdog_s=60.0):
         # 100 000 loops, and where they are quick ten million.
@@ -321,12 +321,21 @@ def start_long(rig, write_plan):
         command = rig.piezo('run', plan, '-o', rig.directory / 'out', processes)
         wait_until(
             lambda: command.exit_code is not None or any(
-                file.stat().st_size > 30_000 for file in rig.bag.glob('*.mcap')),
+                _holds_samples(file) for file in rig.bag.glob('*.mcap')),
             'the first samples on the disk')
         assert command.exit_code is None, command.output
         return command
 
     return start
+
+
+def _holds_samples(file):
+    """Return whether every stream has samples in a file that is being written."""
+    try:
+        run = read(file, allow_loss=True)
+    except BagError:
+        return False
+    return run.streams == tuple(STREAMS) and run.displacement_um.size > 10
 
 
 @pytest.fixture(scope='session')
