@@ -88,12 +88,14 @@ def unit_noise(seed: int, start: int, count: int) -> NDArray[np.float64]:
     True
 
     """
-    first, last = start // _CHUNK, (start + count - 1) // _CHUNK
-    if count <= 0:
-        return np.empty(0)
-    whole = np.concatenate([_chunk(seed, number) for number in range(first, last + 1)])
-    offset = start - first * _CHUNK
-    return whole[offset:offset + count]
+    noise = np.empty(max(count, 0))
+    done = 0
+    while done < count:
+        number, at = divmod(start + done, _CHUNK)
+        part = _chunk(seed, number)[at:at + count - done]
+        noise[done:done + part.size] = part
+        done += part.size
+    return noise
 
 
 class NoiseSource:
@@ -124,12 +126,5 @@ class NoiseSource:
         return first, values
 
     def block(self, start: int, count: int) -> NDArray[np.float64]:
-        """Return the noise of consecutive samples, as `unit_noise` does."""
-        noise = np.empty(count)
-        done = 0
-        while done < count:
-            number, at = divmod(start + done, _CHUNK)
-            part = _chunk(self._seed, number)[at:at + count - done]
-            noise[done:done + part.size] = part
-            done += part.size
-        return noise
+        """Return the noise of consecutive samples, shape (count,)."""
+        return unit_noise(self._seed, start, count)
