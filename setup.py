@@ -204,7 +204,7 @@ setup(
     entry_points={
         'console_scripts': [
             *(f'{node} = {PACKAGE}.nodes.executables:{node}' for node in NODES),
-            f'learner = {PACKAGE}.cli.executables.learner:learner',
+            f'learner = {PACKAGE}.cli.executables.learner_executable:learner',
             f'piezo = {PACKAGE}.cli.main:main',
         ],
     },

@@ -22,11 +22,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from benchmarks.bags import BAG_RATIOS, BAGS
-from benchmarks.figure import bench_figure
-from benchmarks.fits import FIT_RATIOS, FITS
-from benchmarks.kernels import KERNEL_RATIOS, KERNELS
-from benchmarks.measurement import BenchmarkError, Measurement, Ratio, chosen, take_rounds
-from benchmarks.record import (
+from benchmarks.benchmark_record import (
     Change,
     benchmark_record,
     changes,
@@ -35,6 +31,10 @@ from benchmarks.record import (
     read_record,
     record_table,
 )
+from benchmarks.figure import bench_figure
+from benchmarks.fits import FIT_RATIOS, FITS
+from benchmarks.kernel_speeds import KERNEL_RATIOS, KERNELS
+from benchmarks.measurement import BenchmarkError, Measurement, Ratio, chosen, take_rounds
 from benchmarks.sweeps import SWEEP_RATIOS, SWEEPS
 from benchmarks.yardsticks import YARDSTICKS
 from piezo_ros.cli.shared.progress import Progress

@@ -39,7 +39,7 @@ def bench_figure(record: Mapping[str, Any]) -> Figure:
     Parameters
     ----------
     record : mapping
-        As `benchmarks.record.benchmark_record` returns it.
+        As `benchmarks.benchmark_record.benchmark_record` returns it.
 
     Returns
     -------

@@ -27,7 +27,7 @@ from rcl_interfaces.srv import GetParameters
 from piezo_ros.live.run_parameters import run_parameters
 from piezo_ros.live.supervisor import Supervisor
 from piezo_ros.parameters.errors import CampaignError
-from piezo_ros.parameters.run import PlannedRun
+from piezo_ros.parameters.run_and_result import PlannedRun
 
 __all__ = ['Footprint', 'footprint', 'service_latency_ms', 'start_beside_peers_s']
 

@@ -23,7 +23,7 @@ from benchmarks.measurement import Measurement, Quantity, Ratio, higher, lower
 from benchmarks.other_rings import TRANSPORTS, missing_transport
 from benchmarks.rates import graph_rate, other_ring_rate, ring_rate
 from piezo_ros.parameters.node_parameters import LOOP_NODES, check_node_parameters
-from piezo_ros.parameters.run import PlannedRun
+from piezo_ros.parameters.run_and_result import PlannedRun
 
 __all__ = ['LIVE', 'LIVE_RATIOS']
 

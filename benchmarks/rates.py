@@ -26,7 +26,7 @@ from benchmarks import bare_ring, other_rings
 from piezo_ros.live.graph_per_run import GraphPerRun
 from piezo_ros.live.supervisor import Supervisor
 from piezo_ros.parameters.errors import CampaignError
-from piezo_ros.parameters.run import PlannedRun
+from piezo_ros.parameters.run_and_result import PlannedRun
 from piezo_ros.runtime.process.middleware import set_middleware_defaults
 
 __all__ = ['graph_rate', 'other_ring_rate', 'ring_rate']

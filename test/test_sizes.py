@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""No file, class or folder of the package is too large to be read at once."""
+"""No file, class or folder is too large to be read at once, and each file has a name of its own."""
 
 import ast
 from collections import Counter
@@ -66,20 +66,32 @@ def too_full(package):
             yield f'{folder.relative_to(package)}: {count} modules'
 
 
-@pytest.mark.parametrize('find', [too_long, too_many_methods, too_full])
-def test_nothing_is_too_large(find):
+def named_alike(package):
+    """Yield the files that have one name."""
+    places = {}
+    for path in sorted(package.rglob('*.py')):
+        if not path.name.startswith('__'):
+            places.setdefault(path.name, []).append(str(path.relative_to(package)))
+    for paths in places.values():
+        if len(paths) > 1:
+            yield ' and '.join(paths)
+
+
+@pytest.mark.parametrize('find', [too_long, too_many_methods, too_full, named_alike])
+def test_nothing_is_too_large_or_named_alike(find):
     found = [*find(PACKAGE)]
     assert not found, '\n'.join(found)
 
 
-def test_what_is_too_large_would_be_found_with_its_size(tmp_path):
+def test_what_is_too_large_or_named_alike_would_be_found(tmp_path):
     methods = ''.join(f'    def method_{number}(self):\n        pass\n' for number in range(21))
     texts = {
         'long.py': '\n' * 451, 'short.py': '\n' * 450,
         'nodes/long_node.py': '\n' * 201, 'runtime/node/short_node.py': '\n' * 200,
         'classes.py': f'class Large:\n{methods}',
-        **{f'full/module_{number}.py': '' for number in range(15)},
-        **{f'filled/module_{number}.py': '' for number in range(14)}, 'filled/__init__.py': ''}
+        **{f'full/full_{number}.py': '' for number in range(15)}, 'full/__init__.py': '',
+        **{f'filled/filled_{number}.py': '' for number in range(13)}, 'filled/__init__.py': '',
+        'filled/short.py': ''}
     for name, text in texts.items():
         path = tmp_path / name
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -87,3 +99,4 @@ def test_what_is_too_large_would_be_found_with_its_size(tmp_path):
     assert [*too_long(tmp_path)] == ['long.py: 451 lines', 'nodes/long_node.py: 201 lines']
     assert [*too_many_methods(tmp_path)] == ['classes.py: Large has 21 methods']
     assert [*too_full(tmp_path)] == ['full: 15 modules']
+    assert [*named_alike(tmp_path)] == ['filled/short.py and short.py']

@@ -14,12 +14,12 @@
 
 """Reading, writing and salvage of runs recorded in rosbag2 directories; needs no ROS."""
 
-from piezo_ros.bag.errors import BagError, BagExistsError, BagWriteError
-from piezo_ros.bag.reader import read
+from piezo_ros.bag.bag_error import BagError, BagExistsError, BagWriteError
+from piezo_ros.bag.bag_reader import read
+from piezo_ros.bag.bag_writer import BagWriter
+from piezo_ros.bag.recorded_run import Run
 from piezo_ros.bag.recording import Recording, open_recording
-from piezo_ros.bag.run import Run
 from piezo_ros.bag.salvage import Salvage, salvage
-from piezo_ros.bag.writer import BagWriter
 from piezo_ros.streams import STREAMS, Block, BlockCodec, MalformedBlockError
 
 __all__ = [

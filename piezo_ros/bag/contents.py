@@ -21,6 +21,7 @@ from typing import Any, Generic, TypeVar
 
 from mcap.records import Attachment, Metadata
 
+from piezo_ros.bag.bag_error import BagError
 from piezo_ros.bag.container.chunk_scan import HEAD_BYTES, MESSAGE_HEAD_BYTES, unaligned
 from piezo_ros.bag.container.mcap_file import McapFile, Piece
 from piezo_ros.bag.container.rosbag2_files import BagFiles, bag_files
@@ -30,12 +31,11 @@ from piezo_ros.bag.description import (
     recorded_metadata,
     recorded_parameters,
 )
-from piezo_ros.bag.errors import BagError
+from piezo_ros.bag.recorded_topics import Place, Rigs, named_topics, unlike_stream, unlike_words
 from piezo_ros.bag.samples.run_choice import RunChoice
 from piezo_ros.bag.samples.sinks import Sink
 from piezo_ros.bag.samples.stream_assembly import StreamAssembler, same_period
 from piezo_ros.bag.topic_messages import MessageCounts, messages_by_topic
-from piezo_ros.bag.topics import Place, Rigs, named_topics, unlike_stream, unlike_words
 from piezo_ros.streams import STREAMS, labelled_stream
 from piezo_ros.streams.message_type import TYPE_NAME
 

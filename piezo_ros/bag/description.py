@@ -27,8 +27,8 @@ from typing import Any, Final
 
 from mcap.records import Attachment, Metadata
 
-from piezo_ros.bag.errors import BagError
-from piezo_ros.bag.topics import NAMESPACE_KEY, TOPIC_KEY
+from piezo_ros.bag.bag_error import BagError
+from piezo_ros.bag.recorded_topics import NAMESPACE_KEY, TOPIC_KEY
 from piezo_ros.parameters.bounded_yaml import YamlError, yaml_content
 
 __all__ = [

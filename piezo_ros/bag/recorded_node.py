@@ -16,9 +16,9 @@
 
 from typing import Any, TypeVar
 
-from piezo_ros.bag.errors import BagError
+from piezo_ros.bag.bag_error import BagError
+from piezo_ros.bag.recorded_run import Run
 from piezo_ros.bag.recording import Recording
-from piezo_ros.bag.run import Run
 from piezo_ros.model import ParameterSet
 from piezo_ros.parameters.roles import nodes_with_role
 

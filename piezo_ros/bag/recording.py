@@ -19,10 +19,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from piezo_ros.bag.bag_error import BagError
 from piezo_ros.bag.container.mcap_file import McapFile
 from piezo_ros.bag.contents import Contents, Facts, Span
-from piezo_ros.bag.errors import BagError
-from piezo_ros.bag.run import Run, Samples, check_part, missing_stream, run_of
+from piezo_ros.bag.recorded_run import Run, Samples, check_part, missing_stream, run_of
 from piezo_ros.bag.samples.run_choice import RunChoice
 from piezo_ros.bag.samples.sinks import Collected, Extremes
 from piezo_ros.bag.samples.stream_assembly import StreamAssembler

@@ -27,6 +27,7 @@ import numpy as np
 from mcap.records import Attachment, Channel, Metadata
 from numpy.typing import NDArray
 
+from piezo_ros.bag.bag_error import BagError, BagExistsError, BagWriteError
 from piezo_ros.bag.container.chunk_scan import HEAD_BYTES, MESSAGE_HEAD_BYTES, unaligned
 from piezo_ros.bag.container.mcap_file import McapFile, Piece
 from piezo_ros.bag.container.rosbag2_files import BagFiles, bag_files
@@ -39,10 +40,9 @@ from piezo_ros.bag.description import (
     intact_records,
     with_digest,
 )
-from piezo_ros.bag.errors import BagError, BagExistsError, BagWriteError
+from piezo_ros.bag.recorded_topics import remapped_part
 from piezo_ros.bag.samples.sinks import Sink
 from piezo_ros.bag.topic_messages import MessageCounts
-from piezo_ros.bag.topics import remapped_part
 from piezo_ros.parameters.bounded_yaml import YamlError, yaml_content
 from piezo_ros.parameters.errors import cause_of
 

@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from piezo_ros.bag.container.mcap_file import McapFile, Piece
-from piezo_ros.bag.topics import array_topic
+from piezo_ros.bag.recorded_topics import array_topic
 
 __all__ = ['MessageCounts', 'messages_by_topic']
 

@@ -49,7 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _calibrate(options: argparse.Namespace) -> int:
-    from piezo_ros.study.calibration import calibrate_rig
+    from piezo_ros.study.rig_calibration import calibrate_rig
     progress = Progress()
     progress.announce('calibrating on the rows 0.5, 1.5 and 2.5 um of Table 4' + (
         ', and 1.5 to 2.5 um of Table 3' if options.self_heating else ''))

@@ -31,7 +31,7 @@ from piezo_ros.cli.shared.progress import Progress
 from piezo_ros.parameters.errors import CampaignError, PlanError, failure_text
 from piezo_ros.parameters.node_parameters import LOOP_NODES
 from piezo_ros.parameters.parameter_file import read_parameter_file
-from piezo_ros.parameters.run import PlannedRun, RunResult
+from piezo_ros.parameters.run_and_result import PlannedRun, RunResult
 
 __all__ = ['add_arguments']
 

@@ -45,7 +45,7 @@ from piezo_ros.parameters.parameter_file import read_parameter_file
 
 if TYPE_CHECKING:
     from piezo_ros.bag import Run
-    from piezo_ros.experiment.replay import ReplayResult
+    from piezo_ros.experiment.run_replay import ReplayResult
     from piezo_ros.report.analysis.replayed_run import ReplayedRun
 
 __all__ = ['add_arguments']
@@ -128,7 +128,7 @@ def _results(
     run: 'Run', options: argparse.Namespace,
 ) -> tuple['ReplayResult', dict[str, 'ReplayResult']]:
     """Return the replay, and those of all schemes where the best one is asked for."""
-    from piezo_ros.experiment.replay import replay
+    from piezo_ros.experiment.run_replay import replay
 
     def under(scheme: str | None) -> 'ReplayResult':
         return replay(

@@ -32,7 +32,7 @@ from piezo_ros.experiment.output_directory import prepare_directory
 from piezo_ros.experiment.plan import Plan, read_plan
 from piezo_ros.experiment.plan.packaged_plans import PLAN_HELP, plan_path
 from piezo_ros.parameters.errors import CampaignError, PlanError
-from piezo_ros.parameters.run import PlannedRun, RunResult
+from piezo_ros.parameters.run_and_result import PlannedRun, RunResult
 from piezo_ros.report.run_tables import text_table
 
 if TYPE_CHECKING:

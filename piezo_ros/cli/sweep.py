@@ -82,7 +82,7 @@ def _sweep(options: argparse.Namespace) -> int:
     from piezo_ros.experiment.plan import read_plan
     from piezo_ros.experiment.sweep.run_sweep import open_sweep, run_sweep
     from piezo_ros.experiment.sweep.sweep_plan import read_sweep
-    from piezo_ros.experiment.sweep.table import summary_table
+    from piezo_ros.experiment.sweep.sweep_table import summary_table
     from piezo_ros.experiment.sweep.work import SweepWork
     progress = _SweepProgress()
     try:

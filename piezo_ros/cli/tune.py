@@ -162,7 +162,7 @@ def _add_operating_points(parser: argparse.ArgumentParser) -> None:
 
 
 def _tune(options: argparse.Namespace) -> int:
-    from piezo_ros.cli.shared.operating_points import operating_points_text, predicted_points
+    from piezo_ros.cli.shared.scheme_advice import operating_points_text, predicted_points
     from piezo_ros.identification.prediction.operating_points import feedback_table
     from piezo_ros.identification.tuning.lead_tuning import tune_pi_with_lead
     from piezo_ros.identification.tuning.loop_shape import loop_shape
@@ -241,7 +241,7 @@ def _tune(options: argparse.Namespace) -> int:
 
 
 def _refuse_what_has_no_effect(options: argparse.Namespace) -> None:
-    from piezo_ros.cli.shared.operating_points import NO_BOUND
+    from piezo_ros.cli.shared.scheme_advice import NO_BOUND
     if not options.lead:
         refuse_without_effect(options, ['lead_ratio'], 'without --lead')
     if options.bound == NO_BOUND:
@@ -279,7 +279,7 @@ def _objective(options: argparse.Namespace, model: 'Model') -> str | TrajectoryP
 
 
 def _bound(path: Path | None) -> 'Bound | None':
-    from piezo_ros.cli.shared.operating_points import NO_BOUND
+    from piezo_ros.cli.shared.scheme_advice import NO_BOUND
     if path == NO_BOUND:
         return None
     return read_bound(path) if path else paper.uncertainty_magnitude

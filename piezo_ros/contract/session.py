@@ -22,9 +22,9 @@ from collections.abc import Callable, Sequence
 from types import TracebackType
 from typing import Final
 
+from piezo_ros.contract.contract_runs import FAULTS, SILENCE, broken_run, ordinary_run
 from piezo_ros.contract.driving import DrivenNode
 from piezo_ros.contract.probe import Probe, wait_for
-from piezo_ros.contract.run import FAULTS, SILENCE, broken_run, ordinary_run
 from piezo_ros.contract.topics import CONTRACTS, CheckSettings, Finding
 
 __all__ = ['StartedNode', 'check_command', 'check_running', 'compared']

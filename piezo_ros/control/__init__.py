@@ -16,8 +16,8 @@
 
 from piezo_ros.control.closed_loop import BareRun, ClosedLoopRun, simulate, simulate_bare
 from piezo_ros.control.control_law import ControlLaw
-from piezo_ros.control.controller import SCHEMES, ControllerParameters
-from piezo_ros.control.trajectory import TrajectoryParameters
+from piezo_ros.control.controller_step import SCHEMES, ControllerParameters
+from piezo_ros.control.trajectory_step import TrajectoryParameters
 from piezo_ros.control.waveform import WAVEFORMS
 
 __all__ = [

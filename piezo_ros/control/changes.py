@@ -27,7 +27,7 @@ from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from piezo_ros.control.controller import AUTO, ControllerParameters
+from piezo_ros.control.controller_step import AUTO, ControllerParameters
 from piezo_ros.model.parameters import ParameterError, ParameterSet, constraint_of, parameter
 
 __all__ = [

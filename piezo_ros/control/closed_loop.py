@@ -29,10 +29,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from piezo_ros.control.changes import Change, segments
-from piezo_ros.control.controller import ControllerParameters
+from piezo_ros.control.controller_step import ControllerParameters
 from piezo_ros.control.pi_controller import PiController
-from piezo_ros.control.trajectory import TrajectoryParameters
 from piezo_ros.control.trajectory_blocks import trajectory_blocks
+from piezo_ros.control.trajectory_step import TrajectoryParameters
 from piezo_ros.model.hysteresis import HysteresisParameters
 from piezo_ros.model.hysteresis_and_inverse import InverseHysteresis
 from piezo_ros.model.rig import RigParameters
@@ -199,7 +199,7 @@ def run_loop(
         Every stream of the run.
 
     """
-    from piezo_ros.control.kernels import closed_loop, full_closed_loop
+    from piezo_ros.control.loop_kernels import closed_loop, full_closed_loop
     samples = reference_um.size
     rig = Rig(plant, sample_period_s)
     controller = PiController(law, sample_period_s)

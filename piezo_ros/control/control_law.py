@@ -17,7 +17,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from piezo_ros.control.controller import ControllerParameters
+from piezo_ros.control.controller_step import ControllerParameters
 
 __all__ = ['ControlLaw', 'check_command']
 

@@ -21,19 +21,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from piezo_ros.control.control_law import ControlLaw
-from piezo_ros.control.controller import (
+from piezo_ros.control.controller_packing import (
+    CONSTANTS,
+    packed_controller,
+    unpacked_controller,
+    unpacked_state,
+)
+from piezo_ros.control.controller_step import (
     ControllerParameters,
     controller_constants,
     controller_step,
     initial_state,
     prepare_transfer,
     recall_measurement,
-)
-from piezo_ros.control.packing import (
-    CONSTANTS,
-    packed_controller,
-    unpacked_controller,
-    unpacked_state,
 )
 from piezo_ros.model.step import step
 
@@ -66,7 +66,7 @@ class PiController(ControlLaw):
         self.memory = np.empty(0)
         self._kernel: Callable[..., None] | None = None
         if compiled:
-            from piezo_ros.control.kernels import controller_array
+            from piezo_ros.control.loop_kernels import controller_array
             self._kernel = controller_array
             self.memory = packed_controller(self._state, self._constants)
             self._state = unpacked_state(self.memory)

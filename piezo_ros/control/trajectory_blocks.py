@@ -26,7 +26,7 @@ from piezo_ros.control.tables.table_changes import (
     check_successor,
     nearest_sample,
 )
-from piezo_ros.control.trajectory import (
+from piezo_ros.control.trajectory_step import (
     TrajectoryConstants,
     TrajectoryParameters,
     trajectory_constants,
@@ -215,7 +215,7 @@ def _block(constants: TrajectoryConstants) -> _Block:
 
 
 def _compiled_block(constants: Any) -> _Block:
-    from piezo_ros.control.kernels import trajectory_array
+    from piezo_ros.control.loop_kernels import trajectory_array
 
     def block(start: int, count: int) -> tuple[_Samples, _Samples]:
         reference_um, feedforward_um = np.empty(count), np.empty(count)

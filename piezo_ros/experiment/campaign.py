@@ -27,7 +27,7 @@ from piezo_ros.experiment.plan import Plan
 from piezo_ros.interruption import interruptible
 from piezo_ros.parameters.errors import CampaignError, failure_text
 from piezo_ros.parameters.provenance import software_versions
-from piezo_ros.parameters.run import PlannedRun, RunResult
+from piezo_ros.parameters.run_and_result import PlannedRun, RunResult
 from piezo_ros.report import ScoredRun, score
 
 __all__ = ['Campaign', 'run_campaign']

@@ -25,7 +25,7 @@ from piezo_ros.experiment.plan.automatic import known_rig
 from piezo_ros.experiment.plan.run_entry import plan_run
 from piezo_ros.experiment.scan_learning import ScanLearning
 from piezo_ros.model import RigParameters
-from piezo_ros.parameters.run import PlannedRun, RunResult
+from piezo_ros.parameters.run_and_result import PlannedRun, RunResult
 from piezo_ros.report.metrics import nrmse, tail
 
 __all__ = ['feedforward_comparison']

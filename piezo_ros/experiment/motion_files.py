@@ -21,7 +21,7 @@ from typing import Any, Final
 
 from piezo_ros.control.changes import changes_text
 from piezo_ros.control.tables.table_changes import table_changes_entry
-from piezo_ros.parameters.run import PlannedRun
+from piezo_ros.parameters.run_and_result import PlannedRun
 
 __all__ = [
     'MOTION_KEY', 'MOTION_SUFFIX', 'motion_file', 'with_copied_motions', 'with_motion_files']

@@ -35,7 +35,7 @@ from piezo_ros.parameters.errors import CampaignError
 from piezo_ros.parameters.parameter_file import parameters_yaml
 from piezo_ros.parameters.portable_files import told_from_bag
 from piezo_ros.parameters.provenance import run_metadata
-from piezo_ros.parameters.run import PlannedRun, RunResult
+from piezo_ros.parameters.run_and_result import PlannedRun, RunResult
 
 __all__ = ['compile_loop', 'simulate_run', 'simulated_streams', 'write_run']
 

@@ -40,7 +40,7 @@ from piezo_ros.experiment.planned_scan import ScanRequest, write_planned_scan
 from piezo_ros.experiment.scan_beside_feedback import ScanBesideFeedback
 from piezo_ros.model import RigParameters
 from piezo_ros.parameters.errors import CampaignError
-from piezo_ros.parameters.run import PlannedRun, RunResult
+from piezo_ros.parameters.run_and_result import PlannedRun, RunResult
 from piezo_ros.planning.learning import period_average
 from piezo_ros.planning.periodic_plan import PeriodicPlan
 from piezo_ros.report.files import put_in_place, write_atomically

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
         HysteresisFit,
         fit_hysteresis,
     )
-    from piezo_ros.identification.hysteresis.model_comparison import (
+    from piezo_ros.identification.hysteresis.models.model_comparison import (
         ModelScore,
         compare_hysteresis_models,
     )
@@ -106,7 +106,7 @@ __all__ = [
 _MODULES: Final = {
     'dynamics.dynamics_fit': ('DynamicsFit', 'fit_dynamics'),
     'hysteresis.hysteresis_fit': ('Coverage', 'HysteresisFit', 'fit_hysteresis'),
-    'hysteresis.model_comparison': ('ModelScore', 'compare_hysteresis_models'),
+    'hysteresis.models.model_comparison': ('ModelScore', 'compare_hysteresis_models'),
     'prediction.operating_points': (
         'HarmonicsChoice', 'OperatingPoint', 'choose_harmonics', 'equal_error_frequency_hz',
         'feedback_table', 'predict_operating_point', 'predict_operating_points',

@@ -26,7 +26,7 @@ from piezo_ros.live.run_parameters import rig_file, run_parameters
 from piezo_ros.live.supervisor import Supervisor, how_it_ended, stopped_by
 from piezo_ros.parameters.errors import CampaignError
 from piezo_ros.parameters.node_parameters import HARDWARE_PLANT
-from piezo_ros.parameters.run import PlannedRun, RunResult
+from piezo_ros.parameters.run_and_result import PlannedRun, RunResult
 from piezo_ros.resource_limits import memory_limit
 from piezo_ros.runtime.process.running_time import RunningTime
 

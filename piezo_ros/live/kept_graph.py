@@ -34,8 +34,8 @@ from piezo_ros.live.run_parameters import run_parameters
 from piezo_ros.live.supervisor import Supervisor
 from piezo_ros.parameters.errors import CampaignError
 from piezo_ros.parameters.node_parameters import NODE_PARAMETERS
-from piezo_ros.parameters.run import PlannedRun, RunResult
-from piezo_ros.runtime.node.parameters import names_by_change
+from piezo_ros.parameters.run_and_result import PlannedRun, RunResult
+from piezo_ros.runtime.node.declared_parameters import names_by_change
 
 __all__ = ['KeptGraph']
 

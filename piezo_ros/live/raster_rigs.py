@@ -28,7 +28,7 @@ from piezo_ros.live.graph_per_run import GraphPerRun, LiveRun
 from piezo_ros.live.process_group import POLL_S
 from piezo_ros.live.supervisor import Supervisor
 from piezo_ros.parameters.errors import CampaignError
-from piezo_ros.parameters.run import PlannedRun, RunResult
+from piezo_ros.parameters.run_and_result import PlannedRun, RunResult
 
 __all__ = ['RasterRigs']
 

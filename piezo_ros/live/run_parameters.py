@@ -21,7 +21,7 @@ from typing import Any, Final
 from piezo_ros.bag import STREAMS
 from piezo_ros.parameters.hardware_parameters import HardwareParameters
 from piezo_ros.parameters.node_parameters import HARDWARE_PLANT, parameter_names
-from piezo_ros.parameters.run import PlannedRun
+from piezo_ros.parameters.run_and_result import PlannedRun
 
 __all__ = ['rig_file', 'run_parameters']
 

@@ -31,8 +31,8 @@ import yaml
 from std_msgs.msg import String
 
 from piezo_ros.interruption import STOP_SIGNALS, was_interrupted
+from piezo_ros.live.newest_samples import Observation, Observer
 from piezo_ros.live.node_status import BadStatusError, parse_status
-from piezo_ros.live.observation import Observation, Observer
 from piezo_ros.live.process_group import POLL_S, ProcessGroup
 from piezo_ros.parameters.errors import CampaignError
 from piezo_ros.parameters.role_parameters import full_name

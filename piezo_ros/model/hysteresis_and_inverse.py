@@ -139,7 +139,7 @@ class MaxwellResistiveCapacitor:
             If a voltage is not finite, a shape is wrong, or no input leads to the state.
 
         """
-        from piezo_ros.model.kernels import forward_array
+        from piezo_ros.model.model_kernels import forward_array
         return self._run(forward_array, 'voltage_v', voltage_v, state)
 
     def inverse(
@@ -169,7 +169,7 @@ class MaxwellResistiveCapacitor:
             If a displacement is not finite, a shape is wrong, or no input leads to the state.
 
         """
-        from piezo_ros.model.kernels import inverse_array
+        from piezo_ros.model.model_kernels import inverse_array
         return self._run(inverse_array, 'displacement_um', displacement_um, state)
 
     def _run(
@@ -236,10 +236,10 @@ class InverseHysteresis:
         self.memory = np.empty(0)
         self._kernel: Callable[..., None] | None = None
         if compiled:
-            from piezo_ros.model import kernels
+            from piezo_ros.model import model_kernels
             self._kernel = (
-                kernels.creep_inverse_packed_array if self._creep
-                else kernels.inverse_packed_array)
+                model_kernels.creep_inverse_packed_array if self._creep
+                else model_kernels.inverse_packed_array)
             self.memory = memory_at_rest.copy()
 
     @property

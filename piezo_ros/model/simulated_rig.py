@@ -93,8 +93,9 @@ class Rig:
         self.is_compiled = compiled
         self._kernel: Callable[..., None] | None = None
         if compiled:
-            from piezo_ros.model import kernels
-            self._kernel = kernels.full_rig_array if self.constants.creep else kernels.rig_array
+            from piezo_ros.model import model_kernels
+            self._kernel = (
+                model_kernels.full_rig_array if self.constants.creep else model_kernels.rig_array)
         self.reset()
 
     @property

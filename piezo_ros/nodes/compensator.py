@@ -16,7 +16,7 @@
 
 from piezo_ros.model import CompensatorParameters, InverseHysteresis
 from piezo_ros.runtime.node.answering import AnsweringNode
-from piezo_ros.runtime.node.parameters import read
+from piezo_ros.runtime.node.declared_parameters import read
 
 __all__ = ['Compensator']
 

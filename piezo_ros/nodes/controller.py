@@ -22,7 +22,7 @@ from rclpy.parameter import Parameter
 
 from piezo_ros.control.changes import ChangeParameters
 from piezo_ros.control.control_law import ControlLaw, check_command
-from piezo_ros.control.controller import ControllerParameters
+from piezo_ros.control.controller_step import ControllerParameters
 from piezo_ros.nodes.controller_parts.automatic_scheme import AutomaticScheme
 from piezo_ros.nodes.controller_parts.change_request import ChangeRequest
 from piezo_ros.nodes.controller_parts.controller_inputs import ControllerInputs
@@ -32,9 +32,9 @@ from piezo_ros.nodes.controller_parts.make_law import make_law
 from piezo_ros.nodes.controller_parts.target_relay import TargetRelay
 from piezo_ros.nodes.demand import DemandWriter
 from piezo_ros.parameters.node_parameters import DemandParameters
+from piezo_ros.runtime.node.declared_parameters import read
 from piezo_ros.runtime.node.loop_node import LoopNode
-from piezo_ros.runtime.node.parameters import read
-from piezo_ros.runtime.streams.reader import StreamReader
+from piezo_ros.runtime.streams.stream_reader import StreamReader
 
 __all__ = ['Controller']
 

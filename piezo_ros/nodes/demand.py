@@ -26,7 +26,7 @@ from piezo_ros.runtime.node.loop_node import LoopNode
 from piezo_ros.runtime.process.running_time import RunningTime
 from piezo_ros.runtime.streams.fault import StreamFault
 from piezo_ros.runtime.streams.qos import LATCHED
-from piezo_ros.runtime.streams.reader import StreamReader
+from piezo_ros.runtime.streams.stream_reader import StreamReader
 from piezo_ros.runtime.streams.writer_names import names_of_endpoints, wrong_writers
 
 __all__ = ['DemandReader', 'DemandWriter']

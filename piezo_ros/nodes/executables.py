@@ -29,7 +29,7 @@ from piezo_ros.suggestions import did_you_mean
 
 if TYPE_CHECKING:
     from piezo_ros.control import ControlLaw
-    from piezo_ros.nodes.learner_parts.learning import MakeLearning
+    from piezo_ros.nodes.learner_parts.learning_protocol import MakeLearning
 
 __all__ = [
     'compensator',
@@ -75,7 +75,7 @@ def run_learner(make_learning: 'MakeLearning') -> int:
     Parameters
     ----------
     make_learning : callable
-        Makes what learns, see `piezo_ros.nodes.learner_parts.learning`.
+        Makes what learns, see `piezo_ros.nodes.learner_parts.learning_protocol`.
 
     Returns
     -------
@@ -182,7 +182,7 @@ def stamped() -> int:
     code = answer_usage(['stamped'], sys.argv)
     if code is not None:
         return code
-    from piezo_ros.nodes.stamped_process import main
+    from piezo_ros.nodes.stamped_parts.stamped_process import main
 
     return main()
 

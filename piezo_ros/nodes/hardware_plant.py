@@ -30,12 +30,12 @@ from piezo_ros.parameters.node_parameters import (
     InitialiseParameters,
     SafetyParameters,
 )
+from piezo_ros.runtime.node.declared_parameters import read
 from piezo_ros.runtime.node.loop_node import LoopNode
-from piezo_ros.runtime.node.parameters import read
 from piezo_ros.runtime.node.rclpy_node.stream_node import ServiceRefusedError
 from piezo_ros.runtime.streams.bursts import BURST_BLOCKS, MOST_JOINED
 from piezo_ros.runtime.streams.fault import StreamFault
-from piezo_ros.runtime.streams.reader import StreamReader
+from piezo_ros.runtime.streams.stream_reader import StreamReader
 
 __all__ = ['HardwarePlant']
 

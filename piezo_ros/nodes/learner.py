@@ -21,14 +21,14 @@ from typing import Any
 from rclpy.parameter_client import AsyncParameterClient
 
 from piezo_ros.nodes.learner_parts.hand_over import HandOver
-from piezo_ros.nodes.learner_parts.learning import Learning, MakeLearning
+from piezo_ros.nodes.learner_parts.learning_protocol import Learning, MakeLearning
 from piezo_ros.nodes.learner_parts.paired_samples import PairedSamples
 from piezo_ros.nodes.learner_parts.scan_peers import ScanPeers
 from piezo_ros.nodes.recorder_parts.bag_directories import BagDirectories
 from piezo_ros.parameters.errors import failure_text
 from piezo_ros.parameters.node_parameters import LearnerParameters
+from piezo_ros.runtime.node.declared_parameters import read
 from piezo_ros.runtime.node.loop_node import LoopNode
-from piezo_ros.runtime.node.parameters import read
 from piezo_ros.runtime.process.running_time import RunningTime
 from piezo_ros.runtime.streams.fault import StreamFault
 from piezo_ros.runtime.streams.stream_copy import copy_topic

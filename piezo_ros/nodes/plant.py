@@ -35,8 +35,8 @@ from piezo_ros.parameters.node_parameters import (
     SafetyParameters,
 )
 from piezo_ros.runtime.node.answering import AnsweringNode
-from piezo_ros.runtime.node.parameters import read
-from piezo_ros.runtime.streams.reader import StreamReader
+from piezo_ros.runtime.node.declared_parameters import read
+from piezo_ros.runtime.streams.stream_reader import StreamReader
 
 __all__ = ['Plant']
 

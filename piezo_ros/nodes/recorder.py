@@ -30,8 +30,8 @@ from piezo_ros.nodes.recorder_parts.last_blocks import AT_ONCE, last_blocks
 from piezo_ros.nodes.recorder_parts.peer_parameters import PeerParameters
 from piezo_ros.nodes.recorder_parts.run_description import RunDescription
 from piezo_ros.parameters.node_parameters import RecorderParameters
+from piezo_ros.runtime.node.declared_parameters import read
 from piezo_ros.runtime.node.loop_node import LoopNode
-from piezo_ros.runtime.node.parameters import read
 from piezo_ros.runtime.process.running_time import RunningTime
 from piezo_ros.runtime.streams.fault import StreamFault
 from piezo_ros.runtime.streams.stream_copy import copy_topic

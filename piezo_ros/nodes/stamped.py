@@ -24,15 +24,15 @@ from typing import Any
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import Float64MultiArray
 
-from piezo_ros.nodes.stamped_messages import (
+from piezo_ros.nodes.stamped_parts.stamped_messages import (
     Sample,
     joint_state_fields,
     newest_sample,
     time_of,
 )
 from piezo_ros.parameters.node_parameters import StampedParameters
+from piezo_ros.runtime.node.declared_parameters import declare, read
 from piezo_ros.runtime.node.observation import newest_topic
-from piezo_ros.runtime.node.parameters import declare, read
 from piezo_ros.runtime.node.rclpy_node.guard import guard_services
 from piezo_ros.runtime.node.rclpy_node.hidden_subscriptions import NodeWithHiddenSubscriptions
 from piezo_ros.runtime.process.steady_timer import SteadyTimer

@@ -19,14 +19,14 @@ from typing import Any
 
 from rclpy.parameter import Parameter
 
-from piezo_ros.control.trajectory import TrajectoryParameters
 from piezo_ros.control.trajectory_blocks import ChangingTable, trajectory_blocks
+from piezo_ros.control.trajectory_step import TrajectoryParameters
 from piezo_ros.control.waveform import FILE
 from piezo_ros.model import ParameterError
 from piezo_ros.nodes.joint_demand import JointDemand
 from piezo_ros.parameters.node_parameters import BlockParameters, FileChangeParameters
+from piezo_ros.runtime.node.declared_parameters import read
 from piezo_ros.runtime.node.loop_node import LoopNode
-from piezo_ros.runtime.node.parameters import read
 from piezo_ros.runtime.streams.bursts import BURST_BLOCKS
 
 __all__ = ['Trajectory']

@@ -31,7 +31,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from piezo_ros.control import ControllerParameters
-from piezo_ros.control.controller import lead_coefficients
+from piezo_ros.control.controller_step import lead_coefficients
 from piezo_ros.control.pi_controller import PiController
 from piezo_ros.planning.periodic_stage import PeriodicStage
 

@@ -34,11 +34,11 @@ from rclpy.lifecycle import TransitionCallbackReturn
 from piezo_ros.runtime.node.handshake import await_acknowledgements
 from piezo_ros.runtime.node.loop_node import LoopNode
 from piezo_ros.runtime.node.rclpy_node.guard import spin_guarded
-from piezo_ros.runtime.process.distribution import make_events_executor
 from piezo_ros.runtime.process.leaving import exit_after
 from piezo_ros.runtime.process.middleware import initialise_rclpy
 from piezo_ros.runtime.process.parameter_check import check_given_parameters
 from piezo_ros.runtime.process.parent import PARENT_VARIABLE
+from piezo_ros.runtime.process.ros_distribution import make_events_executor
 from piezo_ros.runtime.process.running_time import RunningTime
 from piezo_ros.runtime.process.stop_request import StopRequest
 from piezo_ros.runtime.stream_loop import serve_streams

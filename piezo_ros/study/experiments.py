@@ -52,7 +52,7 @@ from piezo_ros.identification.tuning.loop_shape import loop_shape
 from piezo_ros.identification.tuning.pi_tuning import tune_pi
 from piezo_ros.model import HysteresisParameters, LinearDynamics, RigParameters
 from piezo_ros.parameters.parameter_file import read_parameter_file
-from piezo_ros.parameters.run import PlannedRun
+from piezo_ros.parameters.run_and_result import PlannedRun
 from piezo_ros.report.metrics import nonlinearity, nrmse, tail
 from piezo_ros.study.results import (
     Crossing,

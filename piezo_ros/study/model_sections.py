@@ -22,9 +22,9 @@ import numpy as np
 from piezo_ros import paper
 from piezo_ros.identification import DynamicsFit, ExcludedPoint, FrequencyResponse
 from piezo_ros.model import LinearDynamics
-from piezo_ros.report.figures.frequency_response import ResponseCurve, response_figure
-from piezo_ros.report.figures.hysteresis import Loop, loops_figure
-from piezo_ros.report.figures.uncertainty import BoundCurve, uncertainty_figure
+from piezo_ros.report.figures.frequency_response_figure import ResponseCurve, response_figure
+from piezo_ros.report.figures.hysteresis_figure import Loop, loops_figure
+from piezo_ros.report.figures.uncertainty_figure import BoundCurve, uncertainty_figure
 from piezo_ros.report.page.content import Column, Paragraph, Picture, Section, Table
 from piezo_ros.study.experiments import CREEP
 from piezo_ros.study.page_elements import PERCENT, Rows, known

@@ -22,8 +22,8 @@ import numpy as np
 
 from piezo_ros import paper
 from piezo_ros.report.page.content import Content, Facts, Paragraph, Section
+from piezo_ros.report.page.page_writer import write_page
 from piezo_ros.report.page.rendering import render
-from piezo_ros.report.page.writer import write_page
 from piezo_ros.study.model_sections import (
     dynamics_section,
     hysteresis_section,

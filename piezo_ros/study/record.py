@@ -26,8 +26,8 @@ from piezo_ros.identification import DynamicsFit, ExcludedPoint, FrequencyRespon
 from piezo_ros.model import LinearDynamics
 from piezo_ros.report import nrmse
 from piezo_ros.report.metrics import tail
-from piezo_ros.study.calibration import HELD_OUT_ROWS_UM
 from piezo_ros.study.results import Crossing, HarmonicsTrial, PaperResults, StaticLoop
+from piezo_ros.study.rig_calibration import HELD_OUT_ROWS_UM
 from piezo_ros.study.table_3 import beyond_published_band_hz
 from piezo_ros.study.table_4 import Agreement, agreement, published_errors
 

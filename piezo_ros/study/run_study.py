@@ -23,7 +23,7 @@ from piezo_ros.experiment.output_directory import keep_plan
 from piezo_ros.experiment.plan import Plan
 from piezo_ros.interruption import interruptible
 from piezo_ros.parameters.provenance import software_versions
-from piezo_ros.parameters.run import PlannedRun, RunResult
+from piezo_ros.parameters.run_and_result import PlannedRun, RunResult
 from piezo_ros.study.experiments import run_experiments
 from piezo_ros.study.model_files import write_models
 from piezo_ros.study.page import write_study_page

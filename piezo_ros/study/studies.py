@@ -18,7 +18,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from piezo_ros.experiment.plan import Plan
-from piezo_ros.parameters.run import PlannedRun, RunResult
+from piezo_ros.parameters.run_and_result import PlannedRun, RunResult
 
 __all__ = ['run_named_study']
 
@@ -37,7 +37,7 @@ def run_named_study(
 
     """
     if plan.study == 'beyond':
-        from piezo_ros.study.beyond.page import beyond_summary
+        from piezo_ros.study.beyond.beyond_page import beyond_summary
         from piezo_ros.study.beyond.run_beyond import run_beyond
         beyond, report = run_beyond(plan, directory, run, announce)
         return beyond_summary(beyond), report

@@ -22,10 +22,10 @@ import numpy as np
 from markupsafe import Markup
 
 from piezo_ros import paper
-from piezo_ros.report.figures.crossing import CrossingRow, crossing_figure
-from piezo_ros.report.figures.harmonics import HarmonicsCurve, harmonics_figure
-from piezo_ros.report.figures.nrmse import TableCell, table_4_figure
-from piezo_ros.report.figures.tracking import error_figure, tracking_figure
+from piezo_ros.report.figures.crossing_figure import CrossingRow, crossing_figure
+from piezo_ros.report.figures.harmonics_figure import HarmonicsCurve, harmonics_figure
+from piezo_ros.report.figures.nrmse_figure import TableCell, table_4_figure
+from piezo_ros.report.figures.tracking_figure import error_figure, tracking_figure
 from piezo_ros.report.page.content import (
     Cell,
     Column,

@@ -22,7 +22,7 @@ from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 
 from piezo_ros.bag import STREAMS, BagError, BagWriter, BlockCodec, open_recording, read, salvage
-from piezo_ros.bag.topics import remapped_entries
+from piezo_ros.bag.recorded_topics import remapped_entries
 from piezo_ros.streams.message_type import DEFINITION, TYPE_NAME
 
 REMAPPED = {

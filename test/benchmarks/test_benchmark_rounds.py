@@ -19,6 +19,14 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks.benchmark_record import (
+    benchmark_record,
+    changes,
+    check_continues,
+    joined,
+    read_record,
+    record_table,
+)
 from benchmarks.measurement import (
     BenchmarkError,
     Measurement,
@@ -26,14 +34,6 @@ from benchmarks.measurement import (
     Ratio,
     chosen,
     take_rounds,
-)
-from benchmarks.record import (
-    benchmark_record,
-    changes,
-    check_continues,
-    joined,
-    read_record,
-    record_table,
 )
 from piezo_ros.parameters.errors import CampaignError
 

@@ -20,7 +20,7 @@ from benchmarks import footprint
 from benchmarks.footprint import service_latency_ms, start_beside_peers_s
 from piezo_ros.parameters.errors import CampaignError
 from piezo_ros.parameters.node_parameters import LOOP_NODES, check_node_parameters
-from piezo_ros.parameters.run import PlannedRun
+from piezo_ros.parameters.run_and_result import PlannedRun
 
 
 def planned(periods, **plant):

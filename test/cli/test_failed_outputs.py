@@ -48,7 +48,7 @@ def test_a7_a_report_that_cannot_be_written_leaves_the_bags_and_says_so(
     def fail(path, content):
         raise OSError(28, os.strerror(28), str(path))
 
-    monkeypatch.setattr('piezo_ros.report.page.writer.write_atomically', fail)
+    monkeypatch.setattr('piezo_ros.report.page.page_writer.write_atomically', fail)
     assert main(['simulate', str(plan), '-o', str(tmp_path / 'out')]) == 1
     last = capsys.readouterr().err.splitlines()[-1]
     assert last == (

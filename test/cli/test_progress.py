@@ -18,7 +18,7 @@ import threading
 
 import pytest
 
-from piezo_ros.cli.identify import hysteresis
+from piezo_ros.cli.identify import identify_hysteresis
 from piezo_ros.cli.main import main
 from piezo_ros.cli.shared import progress as progress_module
 from piezo_ros.cli.shared.progress import Progress, working
@@ -124,7 +124,7 @@ def test_identify_and_tune_tell_what_they_do(monkeypatch, tmp_path, models):
     simulate_run(read_plan(tmp_path / 'triangle.yaml').runs[0], tmp_path / 'bag')
     terminal = on_terminal(monkeypatch)
     for module, name in (
-            (hysteresis, 'reduced_run'), (hysteresis_fit, 'fit_hysteresis_records'),
+            (identify_hysteresis, 'reduced_run'), (hysteresis_fit, 'fit_hysteresis_records'),
             (pi_tuning, 'tune_pi')):
         monkeypatch.setattr(module, name, when_told(terminal, getattr(module, name)))
     main(['identify', 'hysteresis', 'bag', '--elements', '4', '--every', '20', '--accept-poor',

@@ -19,7 +19,7 @@ from pathlib import Path
 
 import pytest
 
-from piezo_ros.contract.run import FAULTS, SILENCE, broken_run, ordinary_run
+from piezo_ros.contract.contract_runs import FAULTS, SILENCE, broken_run, ordinary_run
 from piezo_ros.contract.session import StartedNode, check_command, compared
 from piezo_ros.contract.topics import CONTRACTS, CheckSettings
 

@@ -18,12 +18,12 @@ import numpy as np
 import pytest
 
 from piezo_ros.control import ControllerParameters, TrajectoryParameters, simulate
-from piezo_ros.control.controller import (
+from piezo_ros.control.controller_step import (
     controller_constants,
     controller_step,
 )
-from piezo_ros.control.controller import initial_state as initial_controller_state
-from piezo_ros.control.trajectory import trajectory_constants, trajectory_step
+from piezo_ros.control.controller_step import initial_state as initial_controller_state
+from piezo_ros.control.trajectory_step import trajectory_constants, trajectory_step
 from piezo_ros.model import HysteresisParameters, RigParameters
 from piezo_ros.model.hysteresis import hysteresis_constants, hysteresis_state, inverse_step
 from piezo_ros.model.noise import NoiseSource

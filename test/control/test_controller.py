@@ -20,7 +20,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from piezo_ros.control import SCHEMES, ControllerParameters
-from piezo_ros.control.controller import (
+from piezo_ros.control.controller_step import (
     ANTI_WINDUP,
     controller_constants,
     controller_step,

@@ -22,7 +22,7 @@ from piezo_ros.control.shapes.fourier_series import (
     fourier_amplitudes,
     mean_square_um2,
 )
-from piezo_ros.control.trajectory import trajectory_constants, trajectory_step
+from piezo_ros.control.trajectory_step import trajectory_constants, trajectory_step
 from piezo_ros.model import DynamicsParameters, LinearDynamics, ParameterError
 
 MODEL = LinearDynamics()

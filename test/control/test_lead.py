@@ -21,7 +21,7 @@ import pytest
 
 from piezo_ros.control.changes import parse_changes
 from piezo_ros.control.closed_loop import run_loop
-from piezo_ros.control.controller import (
+from piezo_ros.control.controller_step import (
     ControllerParameters,
     controller_constants,
     controller_step,

@@ -18,8 +18,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from piezo_ros.control import TrajectoryParameters
-from piezo_ros.control.trajectory import trajectory_constants, trajectory_step
 from piezo_ros.control.trajectory_blocks import trajectory_blocks
+from piezo_ros.control.trajectory_step import trajectory_constants, trajectory_step
 
 PERIODIC = st.sampled_from([
     {'waveform': 'triangle'}, {'waveform': 'sine'},

@@ -17,8 +17,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from piezo_ros.control.trajectory import TrajectoryParameters
 from piezo_ros.control.trajectory_blocks import trajectory_blocks
+from piezo_ros.control.trajectory_step import TrajectoryParameters
 from piezo_ros.control.waveform import (
     EXCITATIONS,
     WAVEFORMS,

@@ -25,7 +25,7 @@ from piezo_ros.experiment.output_directory import prepare_directory
 from piezo_ros.experiment.plan import read_plan
 from piezo_ros.paper import TABLE_4
 from piezo_ros.parameters.errors import CampaignError
-from piezo_ros.parameters.run import RunResult
+from piezo_ros.parameters.run_and_result import RunResult
 
 KEYS = {
     'scheme': str, 'waveform': str, 'amplitude_um': float, 'frequency_hz': float,

@@ -23,7 +23,7 @@ from piezo_ros.control import ControllerParameters, TrajectoryParameters
 from piezo_ros.experiment.offline import simulate_run
 from piezo_ros.experiment.plan import read_plan
 from piezo_ros.experiment.recorded_response import recorded_response
-from piezo_ros.experiment.replay import replay
+from piezo_ros.experiment.run_replay import replay
 from piezo_ros.model import RigParameters
 from piezo_ros.parameters.parameter_file import parameters_yaml
 from piezo_ros.parameters.provenance import run_metadata

@@ -20,7 +20,7 @@ from piezo_ros.bag import BagError, BagWriter, read
 from piezo_ros.control import ControllerParameters, simulate
 from piezo_ros.experiment.offline import simulate_run
 from piezo_ros.experiment.plan import read_plan
-from piezo_ros.experiment.replay import replay
+from piezo_ros.experiment.run_replay import replay
 from piezo_ros.model import (
     DynamicsParameters,
     HysteresisParameters,

@@ -28,7 +28,7 @@ import yaml
 from foreign_stages import STAGES, ForeignStage
 from identification_flow import Flow, compensated_nonlinearity_percent, nrmse_percent, scan
 
-import piezo_ros.cli.shared.operating_points as operating_points
+import piezo_ros.cli.shared.scheme_advice as operating_points
 from piezo_ros.model import LinearDynamics
 
 pytestmark = pytest.mark.slow

@@ -22,7 +22,7 @@ import pytest
 from piezo_ros.live.graph_per_run import LiveRun
 from piezo_ros.live.kept_graph import KeptGraph
 from piezo_ros.live.process_group import ProcessGroup
-from piezo_ros.parameters.run import PlannedRun
+from piezo_ros.parameters.run_and_result import PlannedRun
 
 NODES = ('compensator', 'controller', 'plant', 'trajectory')
 PARAMETERS = {node: {'output': 'position'} for node in NODES}

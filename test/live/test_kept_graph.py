@@ -23,7 +23,7 @@ import pytest
 import yaml
 
 from piezo_ros.bag import read
-from piezo_ros.experiment.replay import replay
+from piezo_ros.experiment.run_replay import replay
 
 ROOT = Path(__file__).parents[2]
 RUNS = [

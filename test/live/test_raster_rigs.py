@@ -20,7 +20,7 @@ import pytest
 from piezo_ros.live import raster_rigs
 from piezo_ros.live.raster_rigs import RasterRigs
 from piezo_ros.parameters.errors import CampaignError
-from piezo_ros.parameters.run import PlannedRun, RunResult
+from piezo_ros.parameters.run_and_result import PlannedRun, RunResult
 
 AXES = ('fast', 'slow')
 

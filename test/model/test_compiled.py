@@ -53,7 +53,7 @@ def cache_directory(package):
 def test_compiled_code_is_kept_by_the_content_of_the_sources(package):
     before = cache_directory(package)
     assert cache_directory(package) == before
-    for changed in ('model/step.py', 'model/converter.py', 'control/controller.py'):
+    for changed in ('model/step.py', 'model/converter.py', 'control/controller_step.py'):
         with (package / changed).open('a') as source:
             source.write('# changed\n')
         after = cache_directory(package)

@@ -20,7 +20,7 @@ from rcl_interfaces.srv import GetParameters, SetParameters, SetParametersAtomic
 from rclpy.parameter import Parameter
 
 from piezo_ros.control import ControllerParameters
-from piezo_ros.control.controller import (
+from piezo_ros.control.controller_step import (
     controller_constants,
     controller_step,
     initial_state,

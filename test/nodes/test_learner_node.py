@@ -24,7 +24,7 @@ from fake_node import activate, configure, fake_node, poll_all
 from fake_transport import PERIOD_S, FakeTransport, take_all
 from running_scan import RIG, known_scan, trajectory_of
 
-from piezo_ros.cli.executables.learner import _make_learning
+from piezo_ros.cli.executables.learner_executable import _make_learning
 from piezo_ros.control import ControllerParameters, TrajectoryParameters, simulate
 from piezo_ros.control.tables.motion_table import MotionTable, write_motion_table
 from piezo_ros.nodes import learner

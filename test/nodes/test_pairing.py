@@ -22,7 +22,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from piezo_ros.control.changes import Change, changes_text
-from piezo_ros.control.controller import ControllerParameters
+from piezo_ros.control.controller_step import ControllerParameters
 from piezo_ros.control.pi_controller import PiController
 from piezo_ros.nodes.controller import Controller
 

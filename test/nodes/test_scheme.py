@@ -20,7 +20,7 @@ from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import GetParameters, SetParameters
 
 from piezo_ros.control import ControllerParameters
-from piezo_ros.control.controller import controller_constants, controller_step, initial_state
+from piezo_ros.control.controller_step import controller_constants, controller_step, initial_state
 
 PERIOD_S = 1e-5
 

@@ -31,7 +31,12 @@ from piezo_ros.control import ControllerParameters, TrajectoryParameters, simula
 from piezo_ros.experiment.offline import simulated_streams
 from piezo_ros.experiment.plan import read_plan
 from piezo_ros.model import HysteresisParameters, RigParameters
-from piezo_ros.nodes.stamped_messages import Sample, joint_state_fields, newest_sample, time_of
+from piezo_ros.nodes.stamped_parts.stamped_messages import (
+    Sample,
+    joint_state_fields,
+    newest_sample,
+    time_of,
+)
 from piezo_ros.parameters.node_parameters import StampedParameters
 
 EXAMPLE = Path(__file__).parents[2] / 'docs' / 'examples' / 'ros2_control'

@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 
 from piezo_ros.report.amplifier_use import AmplifierLimits
-from piezo_ros.report.figures.voltage import limited_voltage, voltage_figure, voltage_title
+from piezo_ros.report.figures.voltage_figure import limited_voltage, voltage_figure, voltage_title
 from piezo_ros.report.page.run_charts import starts_of, tracking_panels, voltage_panels
 from piezo_ros.report.run_setup import RunSetup, run_setup
 

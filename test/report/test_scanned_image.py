@@ -16,7 +16,7 @@
 import numpy as np
 import pytest
 
-from piezo_ros.bag.run import Run, Samples
+from piezo_ros.bag.recorded_run import Run, Samples
 from piezo_ros.model.noise import unit_noise
 from piezo_ros.parameters.node_parameters import check_node_parameters
 from piezo_ros.report.scanned_image import scanned_image, tip_um

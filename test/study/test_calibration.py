@@ -18,8 +18,8 @@ import pytest
 from piezo_ros import paper
 from piezo_ros.model import RigParameters
 from piezo_ros.parameters.parameter_file import read_parameter_set
-from piezo_ros.study.calibration import WARMING_RANGES, calibrate_rig
 from piezo_ros.study.experiments import rig_that_warms
+from piezo_ros.study.rig_calibration import WARMING_RANGES, calibrate_rig
 from piezo_ros.study.table_3 import beyond_published_band_hz, crossing_frequencies_hz
 from piezo_ros.study.table_4 import agreement, published_errors, table_cells, tracking_errors
 

@@ -26,8 +26,8 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.qos import DurabilityPolicy, HistoryPolicy
 
 from piezo_ros.runtime.streams.qos import STREAM
-from piezo_ros.runtime.streams.reader import StreamReader
-from piezo_ros.runtime.streams.writer import StreamWriter
+from piezo_ros.runtime.streams.stream_reader import StreamReader
+from piezo_ros.runtime.streams.stream_writer import StreamWriter
 from piezo_ros.streams import BlockCodec
 
 __all__ = ['PERIOD_S', 'FakeLogger', 'FakeOwner', 'FakeTransport', 'take_all']

@@ -78,7 +78,7 @@ def played(table, samples):
 
 def run_with(trajectory, law, after_block, *, block=100, rig=RIG):
     """Run the loop block by block; after each, a function may add tables; return all streams."""
-    from piezo_ros.control.kernels import closed_loop
+    from piezo_ros.control.loop_kernels import closed_loop
     samples = trajectory.samples
     blocks = ChangingTable(trajectory, compiled=True)
     element, stage = PiController(law, PERIOD_S), Rig(rig, PERIOD_S)

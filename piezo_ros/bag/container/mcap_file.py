@@ -42,6 +42,7 @@ from mcap.records import Attachment, Channel, Chunk, Metadata, Schema
 from mcap.writer import MCAP0_MAGIC
 from numpy.typing import NDArray
 
+from piezo_ros.bag.bag_error import BagError
 from piezo_ros.bag.container.chunk_data import COMPRESSIONS, ChunkError, chunk_data
 from piezo_ros.bag.container.chunk_scan import HEAD_BYTES, read_head, scan, unaligned
 from piezo_ros.bag.container.file_formats import HEAD_LENGTH, other_format
@@ -52,7 +53,6 @@ from piezo_ros.bag.container.summary import (
     parsed,
     read_summary,
 )
-from piezo_ros.bag.errors import BagError
 
 __all__ = ['McapFile', 'Piece']
 

@@ -19,7 +19,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from piezo_ros.bag.errors import BagError
+from piezo_ros.bag.bag_error import BagError
 from piezo_ros.parameters.bounded_yaml import MAXIMUM_BYTES, YamlError, yaml_content
 
 __all__ = ['BagFiles', 'bag_files', 'metadata_entries']

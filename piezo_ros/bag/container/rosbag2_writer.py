@@ -30,8 +30,8 @@ from typing import Any, Final, NamedTuple
 import yaml
 from mcap.writer import CompressionType, Writer
 
+from piezo_ros.bag.bag_error import BagError, BagExistsError, BagWriteError
 from piezo_ros.bag.container.whole_chunks import count_whole_chunks
-from piezo_ros.bag.errors import BagError, BagExistsError, BagWriteError
 from piezo_ros.parameters.errors import cause_of
 
 __all__ = ['COMPRESSIONS', 'MAXIMUM_TIME_NS', 'Rosbag2Writer', 'Topic', 'plain_yaml']

@@ -25,8 +25,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from piezo_ros.bag.bag_error import BagError
 from piezo_ros.bag.container.mcap_file import Piece
-from piezo_ros.bag.errors import BagError
 from piezo_ros.bag.samples.block_arrays import decoded
 from piezo_ros.streams import BlockCodec
 

@@ -28,12 +28,12 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from piezo_ros.bag.bag_writer import BagWriter
 from piezo_ros.bag.tables.array_files import READERS
 from piezo_ros.bag.tables.table import Column, Table, TableError
 from piezo_ros.bag.tables.text_table import read_text_table
 from piezo_ros.bag.tables.time_base import TimeBase, time_base
 from piezo_ros.bag.tables.units import SENSOR_UNITS, TIME, unit_factor, units_text
-from piezo_ros.bag.writer import BagWriter
 from piezo_ros.parameters.errors import PlanError
 from piezo_ros.streams import STREAMS
 from piezo_ros.streams.names import label_of

@@ -22,7 +22,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from piezo_ros.bag.errors import BagError
+from piezo_ros.bag.bag_error import BagError
 from piezo_ros.parameters.errors import PlanError
 from piezo_ros.suggestions import did_you_mean
 

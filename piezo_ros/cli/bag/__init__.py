@@ -30,8 +30,8 @@ examples:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Describe the command's arguments to its parser."""
-    from piezo_ros.cli.bag import actions, motion, tables
+    from piezo_ros.cli.bag import actions, motion, table_commands
     parser.epilog = _EXAMPLES
     kinds = parser.add_subparsers(dest='action', required=True, metavar='ACTION')
-    for module in (actions, tables, motion):
+    for module in (actions, table_commands, motion):
         module.add_actions(kinds)

@@ -17,7 +17,12 @@
 import argparse
 from typing import Final
 
-from piezo_ros.cli.identify import creep, dynamics, hysteresis, uncertainty
+from piezo_ros.cli.identify import (
+    identify_creep,
+    identify_dynamics,
+    identify_hysteresis,
+    identify_uncertainty,
+)
 
 __all__ = ['add_arguments']
 
@@ -37,5 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Describe the command's arguments to its parser."""
     parser.epilog = _EXAMPLES
     kinds = parser.add_subparsers(dest='kind', required=True, metavar='KIND')
-    for module in (hysteresis, creep, dynamics, uncertainty):
+    for module in (
+        identify_hysteresis, identify_creep, identify_dynamics, identify_uncertainty,
+    ):
         module.add_kind(kinds)

@@ -246,10 +246,10 @@ def with_picture(
 ) -> Mapping[Path, str]:
     """Add a picture beside the model; without matplotlib the model is all the same."""
     try:
-        from piezo_ros.report.figures import identification as identification_figures
+        from piezo_ros.report.figures import identification_figure
         from piezo_ros.report.figures.export import svg
     except ImportError:
         return files
     files[options.output.with_suffix(_PLOT_SUFFIX)] = svg(
-        getattr(identification_figures, figure)(*arguments), options.kind)
+        getattr(identification_figure, figure)(*arguments), options.kind)
     return files

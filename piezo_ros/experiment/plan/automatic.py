@@ -34,7 +34,7 @@ from piezo_ros.model import (
     RigParameters,
 )
 from piezo_ros.parameters.errors import PlanError
-from piezo_ros.parameters.run import PlannedRun
+from piezo_ros.parameters.run_and_result import PlannedRun
 
 if TYPE_CHECKING:  # the mathematics is imported only where a run asks for it
     from piezo_ros.identification import OperatingPoint

@@ -30,7 +30,7 @@ from piezo_ros.hardware.device import Refused
 from piezo_ros.hardware.limits import BlockFigure, DriveLimits, block_figures, slew
 from piezo_ros.hardware.ramp import ramp_voltage
 from piezo_ros.parameters.hardware_parameters import HardwareParameters
-from piezo_ros.parameters.run import PlannedRun
+from piezo_ros.parameters.run_and_result import PlannedRun
 
 __all__ = ['DeviceDemand', 'check_device_plan']
 

@@ -18,7 +18,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, Final
 
-from piezo_ros.control.controller import ControllerParameters
+from piezo_ros.control.controller_step import ControllerParameters
 from piezo_ros.experiment.plan.automatic import Known, known_rig
 from piezo_ros.model import ParameterError
 from piezo_ros.parameters.errors import PlanError
@@ -28,7 +28,7 @@ from piezo_ros.parameters.node_parameters import (
     check_node_parameters,
     parameter_names,
 )
-from piezo_ros.parameters.run import PlannedRun
+from piezo_ros.parameters.run_and_result import PlannedRun
 
 __all__ = [
     'check_hardware', 'complete_plant', 'ignored_of_rig', 'is_of_hardware', 'rig_is_known',

@@ -38,7 +38,7 @@ from piezo_ros.parameters.parameter_file import (
     read_parameter_file,
     read_yaml,
 )
-from piezo_ros.parameters.run import PlannedRun
+from piezo_ros.parameters.run_and_result import PlannedRun
 
 __all__ = ['PLAN_KEYS', 'STUDIES', 'Plan', 'read_plan']
 

@@ -28,7 +28,7 @@ from typing import TYPE_CHECKING, Final
 from piezo_ros.control.tables.motion_table import MotionTable, write_motion_table
 from piezo_ros.experiment.planned_scan import motion_of
 from piezo_ros.model import RigParameters
-from piezo_ros.parameters.run import PlannedRun
+from piezo_ros.parameters.run_and_result import PlannedRun
 from piezo_ros.user_directories import cache_directory
 
 if TYPE_CHECKING:  # the mathematics is imported only where a run asks for it

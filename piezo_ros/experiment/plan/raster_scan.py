@@ -32,7 +32,7 @@ from piezo_ros.model import ParameterError, RigParameters
 from piezo_ros.parameters.errors import PlanError
 from piezo_ros.parameters.file_lines import naming_line
 from piezo_ros.parameters.node_parameters import LOOP_NODES
-from piezo_ros.parameters.run import PlannedRun
+from piezo_ros.parameters.run_and_result import PlannedRun
 
 __all__ = ['AXES', 'FAST', 'SLOW', 'Axis', 'RasterScan', 'read_scans']
 

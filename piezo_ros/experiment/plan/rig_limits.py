@@ -24,7 +24,7 @@ from piezo_ros.experiment.plan import Plan
 from piezo_ros.experiment.plan.hardware_entry import rig_is_known, stand_in
 from piezo_ros.model.effects.load import average_slew
 from piezo_ros.parameters.errors import PlanError
-from piezo_ros.parameters.run import PlannedRun
+from piezo_ros.parameters.run_and_result import PlannedRun
 
 __all__ = ['Demand', 'check_plan', 'demand_of']
 

@@ -20,8 +20,8 @@ from typing import Any, Final
 
 from piezo_ros.control.changes import changes_text, segments
 from piezo_ros.control.tables.motion_table import MotionTable, MotionTableError
-from piezo_ros.control.trajectory import TrajectoryParameters, trajectory_constants
 from piezo_ros.control.trajectory_blocks import ChangingTable
+from piezo_ros.control.trajectory_step import TrajectoryParameters, trajectory_constants
 from piezo_ros.control.waveform import FILE, motion_of
 from piezo_ros.experiment.plan.automatic import (
     Known,
@@ -38,7 +38,7 @@ from piezo_ros.model import ParameterError, RigParameters
 from piezo_ros.parameters.errors import PlanError
 from piezo_ros.parameters.file_lines import with_line
 from piezo_ros.parameters.node_parameters import LOOP_NODES, check_node_parameters
-from piezo_ros.parameters.run import PlannedRun
+from piezo_ros.parameters.run_and_result import PlannedRun
 
 __all__ = [
     'RUN_KEYS', 'SHORT_KEYS', 'check_run', 'checked_parameters', 'plan_run', 'run_name']

@@ -45,7 +45,7 @@ from piezo_ros.experiment.raster.slow_axis import (
 )
 from piezo_ros.model import DynamicsParameters, HysteresisParameters, RigParameters
 from piezo_ros.parameters.errors import PlanError
-from piezo_ros.parameters.run import PlannedRun
+from piezo_ros.parameters.run_and_result import PlannedRun
 from piezo_ros.planning.periodic_plan import PeriodicPlan
 from piezo_ros.planning.scan import plan_for_rig
 

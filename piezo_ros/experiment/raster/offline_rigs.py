@@ -17,7 +17,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from piezo_ros.experiment.offline import simulate_run
-from piezo_ros.parameters.run import PlannedRun, RunResult
+from piezo_ros.parameters.run_and_result import PlannedRun, RunResult
 
 __all__ = ['OfflineRigs']
 

@@ -29,7 +29,7 @@ from piezo_ros.experiment.scan_learning import ScanLearning
 from piezo_ros.interruption import interruptible
 from piezo_ros.parameters.errors import CampaignError, failure_text
 from piezo_ros.parameters.provenance import software_versions
-from piezo_ros.parameters.run import PlannedRun, RunResult
+from piezo_ros.parameters.run_and_result import PlannedRun, RunResult
 from piezo_ros.report.page.raster_report import write_raster_report
 from piezo_ros.report.scanned_image import ScannedImage
 

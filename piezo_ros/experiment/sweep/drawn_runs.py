@@ -35,7 +35,7 @@ from piezo_ros.experiment.plan.run_entry import check_run, run_name
 from piezo_ros.experiment.sweep.sweep_plan import SweepPlan
 from piezo_ros.model import ParameterSet
 from piezo_ros.parameters.node_parameters import LOOP_NODES, NODE_PARAMETERS
-from piezo_ros.parameters.run import PlannedRun
+from piezo_ros.parameters.run_and_result import PlannedRun
 
 __all__ = ['DrawnRun', 'DrawnRuns']
 

@@ -24,7 +24,7 @@ from typing import Any, Final
 from piezo_ros.experiment.output_directory import keep_plan, resume_directory
 from piezo_ros.experiment.sweep.scores_file import ScoresFile
 from piezo_ros.experiment.sweep.sweep_plan import SweepPlan
-from piezo_ros.experiment.sweep.table import write_table
+from piezo_ros.experiment.sweep.sweep_table import write_table
 from piezo_ros.experiment.sweep.work import Engine, SweepWork, finished_run
 from piezo_ros.parameters.errors import CampaignError, PlanError
 from piezo_ros.report.files import write_atomically

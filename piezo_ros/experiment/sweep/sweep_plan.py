@@ -27,7 +27,7 @@ from piezo_ros.experiment.sweep.distribution import Distribution, read_distribut
 from piezo_ros.parameters.errors import PlanError
 from piezo_ros.parameters.file_lines import naming_line
 from piezo_ros.parameters.node_parameters import LOOP_NODES, check_node_parameters, parameter_names
-from piezo_ros.parameters.run import PlannedRun
+from piezo_ros.parameters.run_and_result import PlannedRun
 
 __all__ = ['KEYS', 'SweepPlan', 'read_sweep']
 

@@ -22,7 +22,7 @@ import yaml
 
 from piezo_ros.experiment.sweep.run_sweep import Sweep
 from piezo_ros.experiment.sweep.sweep_plan import SweepPlan
-from piezo_ros.experiment.sweep.table import by_run, run_title
+from piezo_ros.experiment.sweep.sweep_table import by_run, run_title
 from piezo_ros.parameters.parameter_file import parameters_yaml
 from piezo_ros.parameters.provenance import software_versions
 from piezo_ros.report.analysis.sweep_page import SweptRun, WorstDraw, write_sweep_page

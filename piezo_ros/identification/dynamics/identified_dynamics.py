@@ -24,6 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.special import stdtrit
 
 from piezo_ros.identification.dynamics.dynamics_file import Fact, dynamics_yaml
+from piezo_ros.identification.dynamics.dynamics_validation import Validation, validate
 from piezo_ros.identification.dynamics.named_parameters import section_lists
 from piezo_ros.identification.dynamics.rational_fit import RationalFit
 from piezo_ros.identification.dynamics.rational_model import (
@@ -32,7 +33,6 @@ from piezo_ros.identification.dynamics.rational_model import (
     sampled_response,
 )
 from piezo_ros.identification.dynamics.structure_choice import Candidate
-from piezo_ros.identification.dynamics.validation import Validation, validate
 from piezo_ros.identification.estimation.covariance import radius_95
 from piezo_ros.identification.response.frequency_response import FrequencyResponse
 from piezo_ros.model.dynamics import DynamicsParameters

@@ -33,6 +33,7 @@ from piezo_ros.identification.hysteresis.asymmetry_fit import (
     fit_asymmetric,
     refit_asymmetric,
 )
+from piezo_ros.identification.hysteresis.hysteresis_validation import Validation, validate
 from piezo_ros.identification.hysteresis.levels import level_errors
 from piezo_ros.identification.hysteresis.mrc_fit import drift_rate, fit_mrc, number_of_plays
 from piezo_ros.identification.hysteresis.mrc_start import Preparation, prepare
@@ -41,7 +42,6 @@ from piezo_ros.identification.hysteresis.records import (
     concatenated_residual,
     without_first_rise,
 )
-from piezo_ros.identification.hysteresis.validation import Validation, validate
 
 __all__ = [
     'FURTHER_PERCENT', 'CandidateFit', 'best_candidate', 'better_candidate', 'error_of_elements',

@@ -27,11 +27,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from piezo_ros.identification.hysteresis.hysteresis_validation import cross_validate
 from piezo_ros.identification.hysteresis.levels import SMALLEST_SHARE, level_errors, noise_rms
 from piezo_ros.identification.hysteresis.mrc_fit import PlayModel, fit_mrc
 from piezo_ros.identification.hysteresis.mrc_start import Preparation, prepare, thinned
 from piezo_ros.identification.hysteresis.records import Record, predict
-from piezo_ros.identification.hysteresis.validation import cross_validate
 
 __all__ = ['choose_elements']
 

@@ -57,6 +57,10 @@ from piezo_ros.identification.hysteresis.candidate_fits import (
 )
 from piezo_ros.identification.hysteresis.element_choice import choose_elements
 from piezo_ros.identification.hysteresis.hysteresis_result import Coverage, HysteresisFit
+from piezo_ros.identification.hysteresis.hysteresis_validation import (
+    GOOD_PERCENT,
+    verdict_of,
+)
 from piezo_ros.identification.hysteresis.levels import weighted_by_amplitude
 from piezo_ros.identification.hysteresis.mrc_fit import (
     PlayModel,
@@ -72,10 +76,6 @@ from piezo_ros.identification.hysteresis.records import (
     make_records,
     reduced,
     refuse_single_branches,
-)
-from piezo_ros.identification.hysteresis.validation import (
-    GOOD_PERCENT,
-    verdict_of,
 )
 from piezo_ros.model.hysteresis import HysteresisParameters
 

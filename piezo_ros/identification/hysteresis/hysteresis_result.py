@@ -21,8 +21,8 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from piezo_ros.identification.hysteresis.parameter_file import hysteresis_facts, parameter_yaml
-from piezo_ros.identification.hysteresis.validation import Validation
+from piezo_ros.identification.hysteresis.hysteresis_file import hysteresis_facts, parameter_yaml
+from piezo_ros.identification.hysteresis.hysteresis_validation import Validation
 from piezo_ros.identification.verdict import Verdict
 from piezo_ros.model.hysteresis import HysteresisParameters
 from piezo_ros.model.hysteresis_and_inverse import MaxwellResistiveCapacitor

@@ -79,14 +79,14 @@ class PlayModel(NamedTuple):
         self, record: Record, theta: _Floats, gradient: _Floats, curvature: _Floats,
     ) -> float:
         """Add the normal equations of a record, see `RecordModel.add`."""
-        from piezo_ros.identification.hysteresis.kernels import add_play_equations
+        from piezo_ros.identification.hysteresis.fit_kernels import add_play_equations
         return add_play_equations(
             theta, record.index, record.voltage_v, record.displacement_um, record.weight,
             gradient, curvature, np.empty(10 * theta.size + 9))
 
     def predict(self, record: Record, theta: _Floats) -> _Floats:
         """Return the displacement at every sample, see `RecordModel.predict`."""
-        from piezo_ros.identification.hysteresis.kernels import play_predictions
+        from piezo_ros.identification.hysteresis.fit_kernels import play_predictions
         prediction_um = np.empty(record.voltage_v.size)
         play_predictions(
             theta, record.index, record.voltage_v, prediction_um, np.empty(3 * self.plays + 1))

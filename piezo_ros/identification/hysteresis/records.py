@@ -335,14 +335,14 @@ def turns_of(voltage_v: _Floats) -> NDArray[np.int64]:
         return turns
     noise_v = float(np.median(np.abs(np.diff(change)))) / (0.6745 * np.sqrt(6.0))
     band_v = max(_NOISE_BAND * noise_v, 1e-6 * float(np.ptp(voltage_v)))
-    from piezo_ros.identification.hysteresis.kernels import find_reversals
+    from piezo_ros.identification.hysteresis.fit_kernels import find_reversals
     indices = np.empty(voltage_v.size, dtype=np.int64)
     return indices[:find_reversals(voltage_v, band_v, indices)]
 
 
 def reversals_of(voltage_v: _Floats) -> NDArray[np.int64]:
     """Return the indices at which the voltage turns by more than 1 % of its peak-to-peak."""
-    from piezo_ros.identification.hysteresis.kernels import find_reversals
+    from piezo_ros.identification.hysteresis.fit_kernels import find_reversals
     indices = np.empty(voltage_v.size, dtype=np.int64)
     count = find_reversals(voltage_v, _REVERSAL_SHARE * float(np.ptp(voltage_v)), indices)
     return indices[:count]

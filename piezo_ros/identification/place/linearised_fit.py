@@ -39,6 +39,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from piezo_ros.identification.dynamics.dynamics_fit import DynamicsFit, fit_dynamics
+from piezo_ros.identification.dynamics.dynamics_validation import AGREED_MAGNITUDE, AGREED_PHASE
 from piezo_ros.identification.dynamics.rational_fit import (
     Effort,
     RationalProblem,
@@ -46,7 +47,6 @@ from piezo_ros.identification.dynamics.rational_fit import (
 )
 from piezo_ros.identification.dynamics.rational_model import Sections
 from piezo_ros.identification.dynamics.structure_choice import shape_of
-from piezo_ros.identification.dynamics.validation import AGREED_MAGNITUDE, AGREED_PHASE
 from piezo_ros.identification.place.hysteresis_place import TimeRecord
 from piezo_ros.identification.place.placed_stage import Factors, Placement, simulate_placed
 from piezo_ros.identification.response.frequency_response import FrequencyResponse

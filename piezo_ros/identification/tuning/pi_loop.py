@@ -30,7 +30,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from piezo_ros.control.controller import ControllerParameters, lead_coefficients
+from piezo_ros.control.controller_step import ControllerParameters, lead_coefficients
 from piezo_ros.identification.tuning.linear_plant import LinearPlant, Model, SampledPlant
 from piezo_ros.model.state_space import StateSpace, discretise_zero_order_hold
 

@@ -47,8 +47,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from piezo_ros.control.trajectory import TrajectoryParameters
 from piezo_ros.control.trajectory_blocks import trajectory_blocks
+from piezo_ros.control.trajectory_step import TrajectoryParameters
 from piezo_ros.identification.tuning.controller_file import controller_file
 from piezo_ros.identification.tuning.feedback_table import FeedbackTable
 from piezo_ros.identification.tuning.gain_search import GainSearch

@@ -20,7 +20,7 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 from piezo_ros.live.view.rig_record import RigRecord
-from piezo_ros.parameters.run import PlannedRun
+from piezo_ros.parameters.run_and_result import PlannedRun
 
 __all__ = ['CampaignRecord']
 

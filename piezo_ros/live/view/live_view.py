@@ -27,7 +27,7 @@ from piezo_ros.live.view.campaign_record import CampaignRecord
 from piezo_ros.live.view.live_page import live_page
 from piezo_ros.live.view.page_server import LOOPBACK, PageServer
 from piezo_ros.parameters.errors import CampaignError, cause_of
-from piezo_ros.parameters.run import PlannedRun, RunResult
+from piezo_ros.parameters.run_and_result import PlannedRun, RunResult
 
 __all__ = ['LiveView']
 

@@ -25,7 +25,7 @@ from typing import Any, Final
 from piezo_ros.control.waveform import EXCITATIONS, FILE
 from piezo_ros.live.view.harmonic_fit import HarmonicFitError, covered_share, fit_harmonics
 from piezo_ros.live.view.run_reference import RunReference
-from piezo_ros.parameters.run import PlannedRun
+from piezo_ros.parameters.run_and_result import PlannedRun
 
 __all__ = ['RigRecord', 'RunFacts']
 

@@ -19,10 +19,10 @@ from functools import partial
 from typing import Any, Final
 
 from piezo_ros.control import TrajectoryParameters
-from piezo_ros.control.trajectory import trajectory_constants, trajectory_step
 from piezo_ros.control.trajectory_blocks import trajectory_blocks
+from piezo_ros.control.trajectory_step import trajectory_constants, trajectory_step
 from piezo_ros.control.waveform import EXCITATIONS, FILE, REPEATING, motion_of
-from piezo_ros.parameters.run import PlannedRun
+from piezo_ros.parameters.run_and_result import PlannedRun
 
 __all__ = ['RunReference']
 

@@ -20,7 +20,7 @@ from typing import Protocol
 
 from piezo_ros.live.view.live_view import LiveView
 from piezo_ros.parameters.errors import CampaignError
-from piezo_ros.parameters.run import PlannedRun, RunResult
+from piezo_ros.parameters.run_and_result import PlannedRun, RunResult
 
 __all__ = ['WatchedRigs', 'WatchedRuns']
 

@@ -17,7 +17,7 @@
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from piezo_ros.control.controller import AUTO, ControllerParameters
+from piezo_ros.control.controller_step import AUTO, ControllerParameters
 
 __all__ = ['AutomaticScheme']
 

@@ -20,15 +20,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from piezo_ros.control.control_law import ControlLaw
-from piezo_ros.control.controller import ControllerParameters
+from piezo_ros.control.controller_step import ControllerParameters
 from piezo_ros.nodes.controller_parts.input_alignment import (
     begin_feedforward,
     join_streams,
     recall_displacement,
 )
 from piezo_ros.runtime.streams.bursts import BURST_BLOCKS, MOST_JOINED
-from piezo_ros.runtime.streams.reader import StreamReader
-from piezo_ros.runtime.streams.writer import StreamWriter
+from piezo_ros.runtime.streams.stream_reader import StreamReader
+from piezo_ros.runtime.streams.stream_writer import StreamWriter
 
 __all__ = ['ControllerInputs']
 

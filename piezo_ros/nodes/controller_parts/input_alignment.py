@@ -22,7 +22,7 @@ from collections.abc import Sequence
 
 from piezo_ros.control.control_law import ControlLaw
 from piezo_ros.runtime.streams.fault import StreamFault
-from piezo_ros.runtime.streams.reader import StreamReader
+from piezo_ros.runtime.streams.stream_reader import StreamReader
 
 __all__ = [
     'begin_feedforward',

@@ -15,7 +15,7 @@
 """The control law of a run: that of the package, or one of the user's own."""
 
 from piezo_ros.control.control_law import ControlLaw
-from piezo_ros.control.controller import ControllerParameters
+from piezo_ros.control.controller_step import ControllerParameters
 from piezo_ros.control.pi_controller import PiController
 from piezo_ros.parameters.node_parameters import LoopNodeParameters
 

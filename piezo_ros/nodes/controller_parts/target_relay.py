@@ -23,7 +23,7 @@ from piezo_ros.control.pi_controller import PiController
 from piezo_ros.nodes.controller_parts.controller_inputs import ControllerInputs
 from piezo_ros.runtime.node.loop_node import LoopNode
 from piezo_ros.runtime.node.relay import Relay
-from piezo_ros.runtime.streams.writer import StreamWriter
+from piezo_ros.runtime.streams.stream_writer import StreamWriter
 
 __all__ = ['TargetRelay']
 

@@ -18,7 +18,7 @@ import json
 
 from std_msgs.msg import String
 
-from piezo_ros.control.controller import SCHEMES, ControllerParameters
+from piezo_ros.control.controller_step import SCHEMES, ControllerParameters
 from piezo_ros.runtime.node.loop_node import LoopNode
 from piezo_ros.runtime.streams.qos import EVERY_STATUS
 

@@ -18,7 +18,7 @@ from collections.abc import Callable
 from typing import Final
 
 from piezo_ros.control.tables.table_changes import TableChange
-from piezo_ros.nodes.learner_parts.learning import Learning
+from piezo_ros.nodes.learner_parts.learning_protocol import Learning
 from piezo_ros.nodes.learner_parts.scan_peers import ScanPeers
 
 __all__ = ['HandOver']

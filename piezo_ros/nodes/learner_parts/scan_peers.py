@@ -29,8 +29,8 @@ from rclpy.parameter_client import AsyncParameterClient
 
 from piezo_ros.control.tables.table_changes import TableChange
 from piezo_ros.parameters.node_parameters import parameter_names
+from piezo_ros.runtime.node.declared_parameters import plain
 from piezo_ros.runtime.node.loop_node import LoopNode
-from piezo_ros.runtime.node.parameters import plain
 from piezo_ros.runtime.node.rclpy_node.guard import guarded
 from piezo_ros.runtime.streams.writer_names import node_of_endpoint
 

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from piezo_ros.nodes.plant_parts.pace import Pace
-from piezo_ros.runtime.streams.reader import StreamReader
+from piezo_ros.runtime.streams.stream_reader import StreamReader
 
 __all__ = ['PacedBlock']
 

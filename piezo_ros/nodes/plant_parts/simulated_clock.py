@@ -19,7 +19,7 @@ from rosgraph_msgs.msg import Clock
 from piezo_ros.runtime.node.loop_node import LoopNode
 from piezo_ros.runtime.process.steady_timer import SteadyTimer
 from piezo_ros.runtime.streams.qos import CLOCK
-from piezo_ros.runtime.streams.writer import StreamWriter
+from piezo_ros.runtime.streams.stream_writer import StreamWriter
 
 __all__ = ['SimulatedClock']
 

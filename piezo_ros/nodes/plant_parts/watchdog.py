@@ -16,7 +16,7 @@
 
 from piezo_ros.runtime.process.running_time import RunningTime, busy_words
 from piezo_ros.runtime.streams.fault import StreamFault
-from piezo_ros.runtime.streams.reader import StreamReader
+from piezo_ros.runtime.streams.stream_reader import StreamReader
 
 __all__ = ['Watchdog']
 

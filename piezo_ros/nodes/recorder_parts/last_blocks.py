@@ -19,7 +19,7 @@ from collections.abc import Callable, Iterator, Mapping
 
 from piezo_ros.runtime.process.running_time import RunningTime
 from piezo_ros.runtime.streams.fault import StreamFault
-from piezo_ros.runtime.streams.reader import StreamReader
+from piezo_ros.runtime.streams.stream_reader import StreamReader
 
 __all__ = ['AT_ONCE', 'last_blocks']
 

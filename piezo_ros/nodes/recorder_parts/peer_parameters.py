@@ -28,9 +28,9 @@ from typing import Any
 from rclpy.parameter import parameter_value_to_python
 from rclpy.parameter_client import AsyncParameterClient
 
+from piezo_ros.runtime.node.declared_parameters import plain
 from piezo_ros.runtime.node.loop_node import LoopNode
 from piezo_ros.runtime.node.name_twins import count_node_names
-from piezo_ros.runtime.node.parameters import plain
 from piezo_ros.runtime.node.rclpy_node.guard import guarded
 from piezo_ros.runtime.streams.writer_names import node_of_endpoint
 

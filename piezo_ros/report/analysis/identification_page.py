@@ -31,7 +31,7 @@ from piezo_ros.report.analysis.loop_deviation import (
 from piezo_ros.report.analysis.panel_figure import chart_picture
 from piezo_ros.report.analysis.pole_zero import pole_zero_figure
 from piezo_ros.report.analysis.residuals import autocorrelation
-from piezo_ros.report.figures.identification import fitted_response_figure
+from piezo_ros.report.figures.identification_figure import fitted_response_figure
 from piezo_ros.report.figures.style import INK, SERIES
 from piezo_ros.report.page.chart import Line, Panel, Trace
 from piezo_ros.report.page.content import (
@@ -43,7 +43,7 @@ from piezo_ros.report.page.content import (
     Section,
     Table,
 )
-from piezo_ros.report.page.writer import write_page
+from piezo_ros.report.page.page_writer import write_page
 
 __all__ = ['write_dynamics_page', 'write_hysteresis_page']
 

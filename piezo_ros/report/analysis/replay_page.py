@@ -25,7 +25,7 @@ from piezo_ros.report.analysis.replayed_run import ReplayedRun
 from piezo_ros.report.figures.style import INK, SERIES
 from piezo_ros.report.page.chart import Panel, Trace
 from piezo_ros.report.page.content import Column, Facts, Paragraph, Picture, Section, Table
-from piezo_ros.report.page.writer import write_page
+from piezo_ros.report.page.page_writer import write_page
 
 __all__ = ['write_replay_page']
 

@@ -42,7 +42,7 @@ from piezo_ros.report.page.content import (
     Section,
     Table,
 )
-from piezo_ros.report.page.writer import write_page
+from piezo_ros.report.page.page_writer import write_page
 
 __all__ = ['SweptRun', 'WorstDraw', 'write_sweep_page']
 

@@ -43,7 +43,7 @@ from piezo_ros.report.page.content import (
     Section,
     Table,
 )
-from piezo_ros.report.page.writer import write_page
+from piezo_ros.report.page.page_writer import write_page
 
 __all__ = ['TunedLoop', 'write_tuning_page']
 

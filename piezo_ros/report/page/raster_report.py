@@ -20,7 +20,7 @@ from typing import Final
 
 from piezo_ros.imaging.image_files import write_gwyddion, write_tiff
 from piezo_ros.report.columns import Column, Value, value_text
-from piezo_ros.report.figures.raster import comparison_figure, deviation_figure, scan_figure
+from piezo_ros.report.figures.raster_figure import comparison_figure, deviation_figure, scan_figure
 from piezo_ros.report.files import put_in_place
 from piezo_ros.report.page.content import (
     Cell,
@@ -33,7 +33,7 @@ from piezo_ros.report.page.content import (
     Section,
     Table,
 )
-from piezo_ros.report.page.writer import write_page
+from piezo_ros.report.page.page_writer import write_page
 from piezo_ros.report.scanned_image import ScannedImage
 
 __all__ = ['image_table', 'write_raster_report']

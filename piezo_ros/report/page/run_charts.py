@@ -20,14 +20,14 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from piezo_ros.report.figures.error_spectrum import (
+from piezo_ros.report.figures.error_spectrum_figure import (
     NM_PER_UM,
     harmonic_places,
     run_error_harmonics,
 )
 from piezo_ros.report.figures.style import INK, scheme_colour
-from piezo_ros.report.figures.tracking import error_limits_um, run_line_style
-from piezo_ros.report.figures.voltage import (
+from piezo_ros.report.figures.tracking_figure import error_limits_um, run_line_style
+from piezo_ros.report.figures.voltage_figure import (
     RAIL_COLOUR,
     SLEW_COLOUR,
     limited_voltage,

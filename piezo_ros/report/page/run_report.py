@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from piezo_ros.report.page.content import Paragraph, Section
+from piezo_ros.report.page.page_writer import write_page
 from piezo_ros.report.page.run_sections import (
     harmonics_sections,
     loop_section,
@@ -27,7 +28,6 @@ from piezo_ros.report.page.run_sections import (
     results_section,
     run_facts,
 )
-from piezo_ros.report.page.writer import write_page
 from piezo_ros.report.run_tables import csv_table
 from piezo_ros.report.score import ScoredRun
 

@@ -20,16 +20,16 @@ from functools import partial
 from typing import Final
 
 from piezo_ros.report.comparison import Case, agreement, cases
-from piezo_ros.report.figures.error_spectrum import (
+from piezo_ros.report.figures.error_spectrum_figure import (
     NM_PER_UM,
     error_spectrum_figure,
     run_error_harmonics,
 )
-from piezo_ros.report.figures.harmonics import HarmonicsCurve, harmonics_figure
-from piezo_ros.report.figures.hysteresis import hysteresis_figure
-from piezo_ros.report.figures.nrmse import nrmse_figure
-from piezo_ros.report.figures.tracking import error_figure, tracking_figure
-from piezo_ros.report.figures.voltage import voltage_figure
+from piezo_ros.report.figures.harmonics_figure import HarmonicsCurve, harmonics_figure
+from piezo_ros.report.figures.hysteresis_figure import hysteresis_figure
+from piezo_ros.report.figures.nrmse_figure import nrmse_figure
+from piezo_ros.report.figures.tracking_figure import error_figure, tracking_figure
+from piezo_ros.report.figures.voltage_figure import voltage_figure
 from piezo_ros.report.labels import run_label, scheme_label
 from piezo_ros.report.page.content import (
     Cell,

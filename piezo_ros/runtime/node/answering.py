@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 from piezo_ros.runtime.node.loop_node import LoopNode
 from piezo_ros.runtime.node.relay import Relay, RelayedElement
 from piezo_ros.runtime.streams.bursts import answer_taken, answer_waiting
-from piezo_ros.runtime.streams.reader import StreamReader
-from piezo_ros.runtime.streams.writer import StreamWriter
+from piezo_ros.runtime.streams.stream_reader import StreamReader
+from piezo_ros.runtime.streams.stream_writer import StreamWriter
 
 __all__ = ['AnsweringNode', 'Element']
 

@@ -21,8 +21,8 @@ from typing import Any
 
 from piezo_ros.parameters.node_parameters import LoopNodeParameters
 from piezo_ros.runtime.node.rclpy_node.stream_node import StreamNode
-from piezo_ros.runtime.streams.reader import StreamReader
-from piezo_ros.runtime.streams.writer import StreamWriter
+from piezo_ros.runtime.streams.stream_reader import StreamReader
+from piezo_ros.runtime.streams.stream_writer import StreamWriter
 
 __all__ = ['NodeHooks', 'RunState']
 

@@ -26,12 +26,12 @@ from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from rclpy.publisher import Publisher
 
 from piezo_ros.parameters.node_parameters import LoopNodeParameters
-from piezo_ros.runtime.node.changes import ParameterChanges
 from piezo_ros.runtime.node.handshake import await_peers
 from piezo_ros.runtime.node.hooks import NodeHooks
+from piezo_ros.runtime.node.loop_parameters import ParameterChanges
+from piezo_ros.runtime.node.node_run import Run
 from piezo_ros.runtime.node.observation import Diagnostics, Monitor
 from piezo_ros.runtime.node.rclpy_node.stream_node import ServiceRefusedError
-from piezo_ros.runtime.node.run import Run
 from piezo_ros.runtime.node.run_requests import RunRequests
 from piezo_ros.runtime.node.status import Status
 

@@ -30,8 +30,8 @@ from numpy.typing import NDArray
 from std_msgs.msg import Float64MultiArray
 
 from piezo_ros.runtime.node.hooks import NodeHooks
-from piezo_ros.runtime.streams.reader import NO_BYTES, StreamReader
-from piezo_ros.runtime.streams.writer import StreamWriter
+from piezo_ros.runtime.streams.stream_reader import NO_BYTES, StreamReader
+from piezo_ros.runtime.streams.stream_writer import StreamWriter
 from piezo_ros.streams import BlockCodec
 
 __all__ = ['Relay', 'RelayedElement']

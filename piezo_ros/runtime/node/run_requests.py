@@ -20,8 +20,8 @@ from rclpy.publisher import Publisher
 
 from piezo_ros.runtime.node.handshake import await_acknowledgements
 from piezo_ros.runtime.node.hooks import NodeHooks
+from piezo_ros.runtime.node.node_run import Run
 from piezo_ros.runtime.node.rclpy_node.stream_node import ServiceRefusedError
-from piezo_ros.runtime.node.run import Run
 from piezo_ros.runtime.node.status import Status
 from piezo_ros.runtime.process.running_time import RunningTime
 

@@ -22,7 +22,7 @@ import rclpy
 from rclpy.context import Context
 from rclpy.signals import SignalHandlerOptions
 
-from piezo_ros.runtime.process.distribution import name_of_distribution, profiles_of_fastdds
+from piezo_ros.runtime.process.ros_distribution import name_of_distribution, profiles_of_fastdds
 from piezo_ros.runtime.process.ros_environment import check_ros_environment, checked_arguments
 
 __all__ = ['initialise_rclpy', 'set_middleware_defaults', 'without_shared_memory']

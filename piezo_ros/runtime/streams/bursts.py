@@ -26,8 +26,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from piezo_ros.runtime.streams.reader import StreamReader
-from piezo_ros.runtime.streams.writer import StreamWriter
+from piezo_ros.runtime.streams.stream_reader import StreamReader
+from piezo_ros.runtime.streams.stream_writer import StreamWriter
 
 __all__ = [
     'BURST_BLOCKS',

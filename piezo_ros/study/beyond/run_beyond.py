@@ -23,10 +23,10 @@ from piezo_ros.experiment.output_directory import keep_plan
 from piezo_ros.experiment.plan import Plan
 from piezo_ros.interruption import interruptible
 from piezo_ros.parameters.provenance import software_versions
-from piezo_ros.parameters.run import PlannedRun, RunResult
-from piezo_ros.study.beyond.experiments import run_beyond_experiments
-from piezo_ros.study.beyond.page import write_beyond_page
-from piezo_ros.study.beyond.results import BeyondResults
+from piezo_ros.parameters.run_and_result import PlannedRun, RunResult
+from piezo_ros.study.beyond.beyond_page import write_beyond_page
+from piezo_ros.study.beyond.beyond_results import BeyondResults
+from piezo_ros.study.beyond.beyond_runs import run_beyond_experiments
 from piezo_ros.study.model_files import write_models
 from piezo_ros.study.study_runs import StudyRuns
 

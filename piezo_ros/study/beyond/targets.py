@@ -19,7 +19,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from piezo_ros.study.beyond.results import BeyondResults, CellResult, ScanRun
+from piezo_ros.study.beyond.beyond_results import BeyondResults, CellResult, ScanRun
 
 __all__ = ['Target', 'limit_use', 'targets']
 

@@ -19,7 +19,7 @@ import pytest
 
 from piezo_ros.control import TrajectoryParameters
 from piezo_ros.control.shapes.fourier_series import fourier_amplitudes, mean_square_um2
-from piezo_ros.control.trajectory import trajectory_constants, trajectory_step
+from piezo_ros.control.trajectory_step import trajectory_constants, trajectory_step
 from piezo_ros.control.waveform import abrupt_step, waveform_constants
 from piezo_ros.model import LinearDynamics, ParameterError
 

@@ -35,7 +35,7 @@ from piezo_ros.experiment.sweep.engines import dask_engine, local_engine
 from piezo_ros.experiment.sweep.run_sweep import open_sweep, run_sweep
 from piezo_ros.experiment.sweep.sweep_plan import read_sweep
 from piezo_ros.experiment.sweep.sweep_report import write_sweep_report
-from piezo_ros.experiment.sweep.table import summary_table
+from piezo_ros.experiment.sweep.sweep_table import summary_table
 from piezo_ros.experiment.sweep.work import SweepWork, do_runs, run_directory
 from piezo_ros.parameters.errors import CampaignError, PlanError
 from piezo_ros.report import score

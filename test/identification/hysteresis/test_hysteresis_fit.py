@@ -331,7 +331,7 @@ def test_the_parameter_file_holds_the_same_bits(tmp_path):
 
 
 def test_every_number_of_the_parameter_file_is_a_floating_point_number_to_any_reader():
-    from piezo_ros.identification.hysteresis.parameter_file import parameter_yaml
+    from piezo_ros.identification.hysteresis.hysteresis_file import parameter_yaml
     parameters = HysteresisParameters(kappa_um_per_v=(1e-6, 2.0, 1e9), saturation_v=(0.0, 1e-5))
     text = parameter_yaml(parameters, np.array([np.nan, 0.1, 0.2]), np.array([np.nan, 0.1]), [])
     values = yaml.safe_load(text)['/**/compensator']['ros__parameters']

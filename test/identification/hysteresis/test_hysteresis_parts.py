@@ -17,7 +17,8 @@ import pytest
 from scipy.optimize import lsq_linear
 
 from piezo_ros.identification.estimation.least_squares import NormalEquations, minimise
-from piezo_ros.identification.hysteresis.bouc_wen import BoucWenModel
+from piezo_ros.identification.hysteresis.hysteresis_validation import cross_validate
+from piezo_ros.identification.hysteresis.models.bouc_wen import BoucWenModel
 from piezo_ros.identification.hysteresis.mrc_fit import (
     PlayModel,
     elements_of_plays,
@@ -29,7 +30,6 @@ from piezo_ros.identification.hysteresis.records import (
     predict,
     reversals_of,
 )
-from piezo_ros.identification.hysteresis.validation import cross_validate
 from piezo_ros.model import MaxwellResistiveCapacitor
 
 PLAYS = np.array([0.7, 0.2, 0.1, 0.25, 0.1, 0.5, 1.1, 0.0, 0.03])

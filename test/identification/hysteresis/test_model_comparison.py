@@ -15,8 +15,8 @@
 import numpy as np
 import pytest
 
-from piezo_ros.identification.hysteresis.bouc_wen import BoucWenModel, fit_bouc_wen
-from piezo_ros.identification.hysteresis.model_comparison import compare_hysteresis_models
+from piezo_ros.identification.hysteresis.models.bouc_wen import BoucWenModel, fit_bouc_wen
+from piezo_ros.identification.hysteresis.models.model_comparison import compare_hysteresis_models
 from piezo_ros.identification.hysteresis.mrc_fit import PlayModel, fit_prandtl_ishlinskii
 from piezo_ros.identification.hysteresis.records import make_records, predict
 from piezo_ros.model import MaxwellResistiveCapacitor

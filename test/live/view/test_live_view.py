@@ -26,7 +26,7 @@ from piezo_ros.live.view import live_view
 from piezo_ros.live.view.live_view import LiveView
 from piezo_ros.live.view.watched_runs import WatchedRigs, WatchedRuns
 from piezo_ros.parameters.errors import CampaignError
-from piezo_ros.parameters.run import RunResult
+from piezo_ros.parameters.run_and_result import RunResult
 
 
 @pytest.fixture

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from piezo_ros.paper import TABLE_3
-from piezo_ros.report.figures.crossing import CrossingRow, crossing_figure
+from piezo_ros.report.figures.crossing_figure import CrossingRow, crossing_figure
 from piezo_ros.report.figures.export import png
 
 

@@ -20,11 +20,11 @@ import pytest
 
 from piezo_ros.report import score
 from piezo_ros.report.figures.export import png, svg
-from piezo_ros.report.figures.harmonics import HarmonicsCurve, harmonics_figure
-from piezo_ros.report.figures.hysteresis import hysteresis_figure
-from piezo_ros.report.figures.nrmse import TableCell, nrmse_figure, table_4_figure
-from piezo_ros.report.figures.tracking import tracking_figure
-from piezo_ros.report.figures.uncertainty import uncertainty_figure
+from piezo_ros.report.figures.harmonics_figure import HarmonicsCurve, harmonics_figure
+from piezo_ros.report.figures.hysteresis_figure import hysteresis_figure
+from piezo_ros.report.figures.nrmse_figure import TableCell, nrmse_figure, table_4_figure
+from piezo_ros.report.figures.tracking_figure import tracking_figure
+from piezo_ros.report.figures.uncertainty_figure import uncertainty_figure
 
 
 def test_the_users_settings_neither_matter_nor_change(scored_runs):

@@ -19,10 +19,10 @@ import dataclasses
 import pytest
 
 from piezo_ros.report.figures.export import png, svg
-from piezo_ros.report.figures.hysteresis import hysteresis_figure
-from piezo_ros.report.figures.nrmse import nrmse_figure
+from piezo_ros.report.figures.hysteresis_figure import hysteresis_figure
+from piezo_ros.report.figures.nrmse_figure import nrmse_figure
 from piezo_ros.report.figures.style import scheme_colour
-from piezo_ros.report.figures.tracking import error_figure, tracking_figure
+from piezo_ros.report.figures.tracking_figure import error_figure, tracking_figure
 
 
 @pytest.fixture(params=[tracking_figure, error_figure, hysteresis_figure, nrmse_figure])

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from piezo_ros.report.figures.export import png, svg
-from piezo_ros.report.figures.frequency_response import (
+from piezo_ros.report.figures.frequency_response_figure import (
     ResponseCurve,
     magnitude_and_phase,
     response_figure,

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from piezo_ros.report.figures.export import png
-from piezo_ros.report.figures.harmonics import HarmonicsCurve, harmonics_figure
+from piezo_ros.report.figures.harmonics_figure import HarmonicsCurve, harmonics_figure
 
 
 def harmonics_curve(chosen=9):

@@ -15,7 +15,7 @@
 import numpy as np
 import pytest
 
-from piezo_ros.report.figures.hysteresis import (
+from piezo_ros.report.figures.hysteresis_figure import (
     Loop,
     hysteresis_figure,
     loops_figure,

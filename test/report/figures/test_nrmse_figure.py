@@ -18,7 +18,7 @@ import pytest
 
 from piezo_ros.paper import TABLE_4
 from piezo_ros.report.figures.export import png
-from piezo_ros.report.figures.nrmse import TableCell, nrmse_figure, table_4_figure
+from piezo_ros.report.figures.nrmse_figure import TableCell, nrmse_figure, table_4_figure
 from piezo_ros.report.figures.style import scheme_colour
 
 

@@ -17,7 +17,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from piezo_ros.report.figures.tracking import error_limits_um, tracking_figure
+from piezo_ros.report.figures.tracking_figure import error_limits_um, tracking_figure
 
 
 def lines_by_label(axes):

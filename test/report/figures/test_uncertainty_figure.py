@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from piezo_ros.report.figures.export import png, svg
-from piezo_ros.report.figures.uncertainty import BoundCurve, uncertainty_figure
+from piezo_ros.report.figures.uncertainty_figure import BoundCurve, uncertainty_figure
 
 FREQUENCY_HZ = np.geomspace(10.0, 3000.0, 40)
 RESPONSE = 0.9 / (1.0 + 1j * FREQUENCY_HZ / 300.0)**3

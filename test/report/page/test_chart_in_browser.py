@@ -20,7 +20,7 @@ from matplotlib.figure import Figure
 from piezo_ros.report.page.chart import Line, Panel, Trace
 from piezo_ros.report.page.content import Fold, Picture, Section
 from piezo_ros.report.page.curve_panel import Curve, CurvePanel
-from piezo_ros.report.page.writer import write_page
+from piezo_ros.report.page.page_writer import write_page
 
 pytestmark = needs_browser
 

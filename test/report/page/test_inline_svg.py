@@ -18,8 +18,8 @@ import numpy as np
 import pytest
 
 from piezo_ros.report.figures.export import svg
-from piezo_ros.report.figures.tracking import tracking_figure
-from piezo_ros.report.figures.uncertainty import uncertainty_figure
+from piezo_ros.report.figures.tracking_figure import tracking_figure
+from piezo_ros.report.figures.uncertainty_figure import uncertainty_figure
 from piezo_ros.report.page.inline_svg import inline_svg
 
 

@@ -31,7 +31,7 @@ from piezo_ros.report.page.content import (
     Section,
     Table,
 )
-from piezo_ros.report.page.writer import write_page
+from piezo_ros.report.page.page_writer import write_page
 
 SOFTWARE = {'piezo_ros': '0.1.0', 'numpy': '2.4.6'}
 

@@ -20,7 +20,7 @@ import pytest
 from matplotlib.figure import Figure
 from scanned_images import scanned_image
 
-from piezo_ros.report.figures.raster import comparison_figure, deviation_figure, scan_figure
+from piezo_ros.report.figures.raster_figure import comparison_figure, deviation_figure, scan_figure
 from piezo_ros.report.page import raster_report
 from piezo_ros.report.page.raster_report import (
     image_table,

@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 from fake_transport import PERIOD_S, FakeTransport, take_all
 
-from piezo_ros.control.controller import ControllerParameters
+from piezo_ros.control.controller_step import ControllerParameters
 from piezo_ros.control.pi_controller import PiController
 from piezo_ros.model import HysteresisParameters, InverseHysteresis
 from piezo_ros.runtime.node.relay import Relay

@@ -21,8 +21,8 @@ from pathlib import Path
 import pytest
 
 from piezo_ros.live.supervisor import Supervisor
-from piezo_ros.runtime.process.distribution import profiles_of_fastdds
 from piezo_ros.runtime.process.middleware import initialise_rclpy
+from piezo_ros.runtime.process.ros_distribution import profiles_of_fastdds
 from piezo_ros.runtime.process.ros_environment import keep_discovery_on_this_machine
 
 RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'

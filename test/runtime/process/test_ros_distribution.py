@@ -23,15 +23,15 @@ from xml.etree import ElementTree
 
 import pytest
 
-from piezo_ros.runtime.process import distribution
-from piezo_ros.runtime.process.distribution import (
+from piezo_ros.runtime.process import ros_distribution
+from piezo_ros.runtime.process.middleware import set_middleware_defaults
+from piezo_ros.runtime.process.ros_distribution import (
     make_events_executor,
     name_of_distribution,
     profiles_of_fastdds,
 )
-from piezo_ros.runtime.process.middleware import set_middleware_defaults
 
-NODES = Path(distribution.__file__).parent
+NODES = Path(ros_distribution.__file__).parent
 VARIABLES = ('FASTDDS_DEFAULT_PROFILES_FILE', 'FASTRTPS_DEFAULT_PROFILES_FILE')
 
 

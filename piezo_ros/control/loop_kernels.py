@@ -19,25 +19,24 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from piezo_ros.control import controller, packing, trajectory
-from piezo_ros.model import creep, hysteresis, rig
-from piezo_ros.model import packing as model_packing
+from piezo_ros.control import controller_packing, controller_step, trajectory_step
+from piezo_ros.model import creep, hysteresis, packing, rig
 from piezo_ros.model.compiled import brief_kernel, kernel
 from piezo_ros.model.step import step
 
 __all__ = ['closed_loop', 'controller_array', 'full_closed_loop', 'trajectory_array']
 
-_controller_step = controller.controller_step
+_controller_step = controller_step.controller_step
 _compensation_step = hysteresis.compensation_step
 _inverse_creep_step = creep.inverse_creep_step
-_packed_creep = model_packing.packed_creep
-_packed_inverse_creep = model_packing.packed_inverse_creep
-_packed_load = model_packing.packed_load
+_packed_creep = packing.packed_creep
+_packed_inverse_creep = packing.packed_inverse_creep
+_packed_load = packing.packed_load
 _sample_step = rig.sample_step
-_trajectory_step = trajectory.trajectory_step
-_unpacked_controller = packing.unpacked_controller
-_unpacked_inverse = model_packing.unpacked_inverse
-_unpacked_rig = model_packing.unpacked_rig
+_trajectory_step = trajectory_step.trajectory_step
+_unpacked_controller = controller_packing.unpacked_controller
+_unpacked_inverse = packing.unpacked_inverse
+_unpacked_rig = packing.unpacked_rig
 
 
 @kernel

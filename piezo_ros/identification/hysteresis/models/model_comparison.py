@@ -26,7 +26,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from piezo_ros.identification.hysteresis.bouc_wen import BoucWenModel, fit_bouc_wen
+from piezo_ros.identification.hysteresis.hysteresis_validation import cross_validate
+from piezo_ros.identification.hysteresis.models.bouc_wen import BoucWenModel, fit_bouc_wen
 from piezo_ros.identification.hysteresis.mrc_fit import (
     PlayModel,
     fit_mrc,
@@ -39,7 +40,6 @@ from piezo_ros.identification.hysteresis.records import (
     make_records,
     predict,
 )
-from piezo_ros.identification.hysteresis.validation import cross_validate
 
 __all__ = ['ModelScore', 'compare_hysteresis_models', 'compare_records']
 

@@ -23,6 +23,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from piezo_ros.bag.bag_error import BagError
 from piezo_ros.bag.container.rosbag2_writer import Rosbag2Writer, Topic
 from piezo_ros.bag.description import (
     PARAMETERS_NAME,
@@ -30,8 +31,7 @@ from piezo_ros.bag.description import (
     checked_metadata,
     with_digest,
 )
-from piezo_ros.bag.errors import BagError
-from piezo_ros.bag.topics import check_topics, remapped_entries
+from piezo_ros.bag.recorded_topics import check_topics, remapped_entries
 from piezo_ros.streams import STREAMS, BlockCodec
 from piezo_ros.streams.message_type import DEFINITION, STREAM_QOS, TYPE_HASH, TYPE_NAME
 

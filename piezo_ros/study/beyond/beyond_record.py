@@ -18,7 +18,7 @@ import math
 from dataclasses import asdict
 from typing import Any
 
-from piezo_ros.study.beyond.results import BeyondResults, LearnedScan
+from piezo_ros.study.beyond.beyond_results import BeyondResults, LearnedScan
 from piezo_ros.study.beyond.targets import targets
 
 __all__ = ['beyond_record']

@@ -26,9 +26,9 @@ from piezo_ros.identification import (
     UncertaintyBound,
 )
 from piezo_ros.identification.creep.creep_fit import CreepFit
-from piezo_ros.report.figures.frequency_response import ResponseCurve, response_figure
+from piezo_ros.report.figures.frequency_response_figure import ResponseCurve, response_figure
 from piezo_ros.report.figures.style import FAINT, SERIES, figure_style
-from piezo_ros.report.figures.uncertainty import BoundCurve, uncertainty_figure
+from piezo_ros.report.figures.uncertainty_figure import BoundCurve, uncertainty_figure
 
 __all__ = ['bound_figure', 'creep_figure', 'fitted_response_figure', 'residual_figure']
 

@@ -26,8 +26,8 @@ from piezo_ros.parameters.node_parameters import (
     parameter_sets,
 )
 from piezo_ros.parameters.role_parameters import parameter_files, role_parameters
+from piezo_ros.runtime.node.declared_parameters import declare, names_by_change, plain, read
 from piezo_ros.runtime.node.hooks import NodeHooks
-from piezo_ros.runtime.node.parameters import declare, names_by_change, plain, read
 from piezo_ros.runtime.node.rclpy_node.guard import guarded
 from piezo_ros.runtime.node.rclpy_node.stream_node import ServiceRefusedError
 

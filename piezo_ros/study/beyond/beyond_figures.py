@@ -32,7 +32,7 @@ from piezo_ros.report.figures.style import (
     SERIES,
     figure_style,
 )
-from piezo_ros.study.beyond.results import CellResult
+from piezo_ros.study.beyond.beyond_results import CellResult
 
 __all__ = ['bars_figure', 'certificate_figure', 'learning_figure', 'prediction_figure']
 

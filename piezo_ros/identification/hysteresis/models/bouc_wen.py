@@ -68,7 +68,7 @@ class BoucWenModel:
         self, record: Record, theta: _Floats, weight: _Floats, jacobian: _Floats,
     ) -> Iterator[tuple[slice, _Floats, int]]:
         """Run through a record; yield slice, prediction and number of rows of the Jacobian."""
-        from piezo_ros.identification.hysteresis.kernels import bouc_wen_chunk
+        from piezo_ros.identification.hysteresis.fit_kernels import bouc_wen_chunk
         state = np.zeros(5)  # voltage, h and the derivatives of h of a virgin stage
         prediction = np.empty(_CHUNK_SAMPLES)
         for first in range(0, weight.size, _CHUNK_SAMPLES):

@@ -22,10 +22,10 @@ from rclpy.exceptions import ParameterException
 
 from piezo_ros.nodes.stamped import Stamped
 from piezo_ros.runtime.node.rclpy_node.guard import explain, spin_guarded
-from piezo_ros.runtime.process.distribution import make_events_executor, name_of_distribution
 from piezo_ros.runtime.process.leaving import exit_after
 from piezo_ros.runtime.process.middleware import initialise_rclpy
 from piezo_ros.runtime.process.parameter_check import check_given_parameters
+from piezo_ros.runtime.process.ros_distribution import make_events_executor, name_of_distribution
 from piezo_ros.runtime.process.stop_request import StopRequest
 
 __all__ = ['main']

@@ -39,7 +39,7 @@ from piezo_ros.identification.hysteresis.records import Record, record_of_blocks
 from piezo_ros.parameters.provenance import software_versions
 
 if TYPE_CHECKING:
-    from piezo_ros.identification.hysteresis.model_comparison import ModelScore
+    from piezo_ros.identification.hysteresis.models.model_comparison import ModelScore
 
 __all__ = ['ReducedRun', 'add_kind', 'reduced_run']
 
@@ -208,7 +208,7 @@ def _print(fit: HysteresisFit) -> None:
 
 def _compared(records: list[Record], elements: int) -> list['ModelScore']:
     """Fit other models, print how they do and return them."""
-    from piezo_ros.identification.hysteresis.model_comparison import compare_records
+    from piezo_ros.identification.hysteresis.models.model_comparison import compare_records
     with working('fitting the other models'):
         rows = compare_records(records, elements=elements)
     print(f'{"model":28}{"parameters":>11}{"rms nm":>10}{"cross-validated nm":>20}')

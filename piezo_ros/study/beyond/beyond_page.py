@@ -22,15 +22,15 @@ from typing import Any
 import numpy as np
 
 from piezo_ros.report.page.content import Cell, Column, Facts, Paragraph, Picture, Section, Table
-from piezo_ros.report.page.writer import write_page
-from piezo_ros.study.beyond.figures import (
+from piezo_ros.report.page.page_writer import write_page
+from piezo_ros.study.beyond.beyond_figures import (
     bars_figure,
     certificate_figure,
     learning_figure,
     prediction_figure,
 )
-from piezo_ros.study.beyond.record import beyond_record
-from piezo_ros.study.beyond.results import BeyondResults
+from piezo_ros.study.beyond.beyond_record import beyond_record
+from piezo_ros.study.beyond.beyond_results import BeyondResults
 from piezo_ros.study.beyond.targets import targets
 from piezo_ros.study.page_elements import Rows, known
 

@@ -22,9 +22,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from piezo_ros.bag.bag_error import BagError
 from piezo_ros.bag.contents import Facts
-from piezo_ros.bag.errors import BagError
-from piezo_ros.bag.topics import unlike_words
+from piezo_ros.bag.recorded_topics import unlike_words
 
 __all__ = ['Run', 'Samples', 'check_part', 'missing_stream', 'run_of']
 

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any
 from piezo_ros.nodes.executables import run_learner
 
 if TYPE_CHECKING:
-    from piezo_ros.nodes.learner_parts.learning import Learning
+    from piezo_ros.nodes.learner_parts.learning_protocol import Learning
     from piezo_ros.parameters.node_parameters import LearnerParameters
 
 __all__ = ['learner']

@@ -28,7 +28,7 @@ from piezo_ros.cli.identify.common import (
     source,
     with_picture,
 )
-from piezo_ros.cli.identify.hysteresis import ReducedRun, reduced_run
+from piezo_ros.cli.identify.identify_hysteresis import ReducedRun, reduced_run
 from piezo_ros.cli.shared.option_types import TIME_S
 from piezo_ros.cli.shared.progress import working
 from piezo_ros.experiment.model_file import read_model

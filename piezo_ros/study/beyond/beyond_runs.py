@@ -50,14 +50,14 @@ from piezo_ros.model import (
     RigParameters,
 )
 from piezo_ros.model.simulated_rig import Rig
-from piezo_ros.parameters.run import PlannedRun, RunResult
+from piezo_ros.parameters.run_and_result import PlannedRun, RunResult
 from piezo_ros.planning.certificate import contraction
 from piezo_ros.planning.periodic_plan import PeriodicPlan, regularisation_of
 from piezo_ros.planning.periodic_stage import PeriodicStage
 from piezo_ros.planning.scan import with_bound
 from piezo_ros.report.metrics import nrmse
 from piezo_ros.study.beyond.best_known import read_best_known
-from piezo_ros.study.beyond.results import (
+from piezo_ros.study.beyond.beyond_results import (
     AverageCurrentRun,
     BeyondResults,
     CellResult,

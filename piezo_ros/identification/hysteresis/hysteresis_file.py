@@ -20,7 +20,7 @@ from typing import Final, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from piezo_ros.identification.hysteresis.validation import Validation
+from piezo_ros.identification.hysteresis.hysteresis_validation import Validation
 from piezo_ros.identification.verdict import Verdict
 from piezo_ros.identification.yaml_text import yaml_value
 from piezo_ros.model.hysteresis import HysteresisParameters

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from piezo_ros.control.controller import ControllerConstants, ControllerState
+from piezo_ros.control.controller_step import ControllerConstants, ControllerState
 from piezo_ros.model.step import step
 
 __all__ = ['CONSTANTS', 'packed_controller', 'unpacked_controller', 'unpacked_state']

@@ -17,7 +17,7 @@
 from pathlib import Path
 
 from piezo_ros.bag.contents import Contents
-from piezo_ros.bag.run import Run, Samples, run_of
+from piezo_ros.bag.recorded_run import Run, Samples, run_of
 from piezo_ros.bag.samples.sinks import Collected
 
 __all__ = ['read']
