@@ -47,7 +47,7 @@ def read(
         Whether samples that are NaN or infinite belong to the run, for an analysis that can leave
         them out; by default they are damage.
     run : int, optional
-        Which run to read where the bag holds several, one after the other, counted from 1; needed
+        Which run to read where the bag has several, one after the other, counted from 1; needed
         only there.
 
     Returns

@@ -105,7 +105,7 @@ class Contents(Generic[_Sink]):
     fill_gaps : bool, optional
         Whether samples that are missing between two blocks are NaN.
     run : int, optional
-        Which run to read where the streams hold several, counted from 1.
+        Which run to read where the streams have several, counted from 1.
 
     Attributes
     ----------

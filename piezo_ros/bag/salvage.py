@@ -328,6 +328,6 @@ def _qos(channel: Channel) -> list[dict[str, Any]]:
 
 
 def _beyond_times(piece: Piece, messages: NDArray[np.int64]) -> int:
-    """Return how many messages have a log time that rosbag2 cannot hold."""
+    """Return how many messages have a log time that is too late for rosbag2."""
     times_ns = unaligned(piece.data, '<u8')[messages + _LOG_TIME_OFFSET]
     return int((times_ns > np.uint64(MAXIMUM_TIME_NS)).sum())

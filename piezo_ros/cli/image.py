@@ -60,10 +60,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='share of each line that is in the image, the rest is for the turns (default: 0.8)')
     parser.add_argument(
         '--namespaces', nargs=2, default=(None, None), metavar=('NS_X', 'NS_Y'),
-        help='the rigs of the axes, where a bag holds several')
+        help='the rigs of the axes, where a bag has several')
     parser.add_argument(
         '--run', type=COUNT, metavar='N',
-        help='the run, counted from 1, where a bag holds several one after the other')
+        help='the run, counted from 1, where a bag has several one after the other')
     parser.add_argument(
         '--allow-loss', action=argparse.BooleanOptionalAction, default=True,
         help='take what is whole of a damaged bag, say what is lost, exit 3 (default); or refuse')

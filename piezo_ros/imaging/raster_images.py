@@ -138,7 +138,7 @@ def raster_images(
     Raises
     ------
     ValueError
-        If the streams differ in length or are not finite, if the fast reference holds fewer than
+        If the streams differ in length or are not finite, if the fast reference has fewer than
         two whole lines, or if the slow one does not go from line to line.
 
     """

@@ -43,7 +43,7 @@ class Observation:
     """
     Subscriptions to ``newest/<stream>`` of one rig.
 
-    They are best effort and hold one sample: a supervisor that is busy misses some, and no node
+    They are best effort and keep one sample: a supervisor that is busy misses some, and no node
     waits for it.
 
     Parameters

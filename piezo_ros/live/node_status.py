@@ -27,7 +27,7 @@ from piezo_ros.parameters.node_parameters import NODE_PARAMETERS
 
 __all__ = ['BadStatusError', 'has_begun', 'parse_status', 'voltage_at_the_end']
 
-# What a supervisor reads of a status: types, and what holds where a node says nothing.
+# What a supervisor reads of a status: types, and what is assumed where a node says nothing.
 _FIELDS: Final[dict[str, tuple[tuple[type, ...], Any]]] = {
     'node': ((str,), ''),
     'state': ((str,), ''),
@@ -39,7 +39,7 @@ _FIELDS: Final[dict[str, tuple[tuple[type, ...], Any]]] = {
 }
 _OVER: Final = ('finished', 'faulted', 'stopped', 'inactive', 'unconfigured')
 _BEFORE_ITS_RUN: Final = ('', 'inactive', 'unconfigured')
-_LARGEST: Final = 2**53  # of an integer: more is no index, and no float may hold it
+_LARGEST: Final = 2**53  # of an integer: more is no index, and a float would round it
 _SHOWN: Final = 60  # characters of a refused text
 
 

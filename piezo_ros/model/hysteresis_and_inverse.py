@@ -103,7 +103,7 @@ class MaxwellResistiveCapacitor:
 
     @classmethod
     def of(cls, parameters: HysteresisParameters) -> 'MaxwellResistiveCapacitor':
-        """Return the operator of a parameter set, which may hold more than that of a hysteresis."""
+        """Return the operator of a parameter set, which may have more than that."""
         return cls(
             parameters.kappa_um_per_v, parameters.saturation_v,
             parameters.asymmetry_threshold_um, parameters.asymmetry_weight)

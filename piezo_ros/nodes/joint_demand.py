@@ -29,7 +29,7 @@ class JointDemand:
     """
     The demand of the own rig, as far as rigs that are kept in step demand the same.
 
-    A rig of which the demand has ended holds none up: its run is over, well or not, and a
+    A rig of which the demand has ended delays none: its run is over, well or not, and a
     supervisor of both knows which.
 
     Parameters

@@ -68,7 +68,7 @@ class StudyRuns:
         return result
 
     def each(self, planned_runs: Sequence[PlannedRun]) -> Iterator[Run]:
-        """Do runs one after the other and yield what their bags hold."""
+        """Do runs one after the other and yield what is in their bags."""
         for planned in planned_runs:
             bag = self._directory / 'bags' / planned.name
             self.one(planned, bag)

@@ -17,7 +17,7 @@ import re
 
 import pytest
 
-from benchmarks import bags, kernels, measurement, sweeps
+from benchmarks import bags, kernel_speeds, measurement, sweeps
 from benchmarks.__main__ import main
 
 SMALL = 20_000
@@ -26,12 +26,12 @@ SMALL = 20_000
 @pytest.fixture(autouse=True)
 def small(monkeypatch):
     """Shorten the measurements: their values do not matter here."""
-    monkeypatch.setattr(kernels, '_SAMPLES', SMALL)
-    monkeypatch.setattr(kernels, '_PERIODS', 10.0)
+    monkeypatch.setattr(kernel_speeds, '_SAMPLES', SMALL)
+    monkeypatch.setattr(kernel_speeds, '_PERIODS', 10.0)
     monkeypatch.setattr(measurement, '_CALLS', 1)
-    kernels._voltage_v.cache_clear()
+    kernel_speeds._voltage_v.cache_clear()
     yield
-    kernels._voltage_v.cache_clear()
+    kernel_speeds._voltage_v.cache_clear()
 
 
 def bench(*arguments):

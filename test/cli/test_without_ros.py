@@ -68,8 +68,9 @@ def test_everything_below_the_nodes_and_the_command_line_imports(python):
     done = python(IMPORT_EVERYTHING)
     assert done.returncode == 0, done.stderr
     imported = done.stdout.split()
-    for tier in ('paper', 'model.kernels', 'control.kernels', 'bag.salvage', 'report.page.writer',
-                 'experiment.offline', 'identification', 'cli.main', 'cli.run'):
+    for tier in ('paper', 'model.model_kernels', 'control.loop_kernels', 'bag.salvage',
+                 'report.page.page_writer', 'experiment.offline', 'identification', 'cli.main',
+                 'cli.run'):
         assert f'piezo_ros.{tier}' in imported
 
 

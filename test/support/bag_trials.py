@@ -50,7 +50,7 @@ PARAMETERS = '/plant:\n  ros__parameters:\n    seed: 7\n'
 
 @dataclass
 class Bag:
-    """A bag in memory and what it holds: samples by stream, and those of the bag beside it."""
+    """A bag in memory and what is in it: samples by stream, and those of the bag beside it."""
 
     name: str
     files: dict

@@ -112,7 +112,7 @@ class FakePublisher(_Endpoint):
 
 
 class FakeSubscription(_Endpoint):
-    """Holds what was published, oldest first, in ``messages``."""
+    """Keeps what was published, oldest first, in ``messages``."""
 
     def __init__(self, transport, owner, topic, qos):
         super().__init__(transport.subscriptions, owner, topic, qos)

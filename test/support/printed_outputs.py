@@ -17,7 +17,7 @@
 The outputs that docs/your-own-stage.md shows, printed by the commands that it names.
 
 ``make outputs`` (``python test/support/printed_outputs.py``) writes them into the page; a slow test
-holds the page to them. A block stands between ``<!-- printed: NAME -->`` and ``<!-- end -->``.
+compares the page with them. A block stands between ``<!-- printed: NAME -->`` and ``<!-- end -->``.
 """
 
 import contextlib

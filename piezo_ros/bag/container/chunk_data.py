@@ -62,7 +62,7 @@ def chunk_data(chunk: Chunk) -> bytes:
     Raises
     ------
     ChunkError
-        If the chunk claims more than is allowed, holds more or less than it claims, does not
+        If the chunk claims more than is allowed, contains more or less than it claims, does not
         decompress, or has a wrong checksum.
 
     """

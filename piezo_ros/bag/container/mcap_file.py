@@ -20,7 +20,7 @@ other, up to its last whole record; what it counts is kept for comparison. The l
 and decompresses the records. Only the step from record to record is done here:
 `mcap.stream_reader.StreamReader` stops at the first record that does not parse, and it parses the
 message index behind each chunk entry by entry, which takes longer than all the rest where each
-message holds one sample.
+message contains one sample.
 """
 
 import io

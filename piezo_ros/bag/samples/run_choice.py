@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-One run out of a bag that holds several, as a recorder leaves that goes on while runs begin anew.
+One run out of a bag that has several, as a recorder leaves that goes on while runs begin anew.
 
 Each stream ends a run with a block without samples; what follows belongs to the next run.
 """

@@ -24,10 +24,10 @@ __all__ = ['add_bag_options', 'bag_options']
 
 def add_bag_options(parser: argparse.ArgumentParser) -> None:
     """Add the options that say which run to read, and what to do with a damaged bag."""
-    parser.add_argument('--namespace', metavar='NS', help='the rig, where a bag holds several')
+    parser.add_argument('--namespace', metavar='NS', help='the rig, where a bag has several')
     parser.add_argument(
         '--run', type=COUNT, metavar='N',
-        help='the run, counted from 1, where a bag holds several one after the other')
+        help='the run, counted from 1, where a bag has several one after the other')
     parser.add_argument(
         '--allow-loss', action=argparse.BooleanOptionalAction, default=True,
         help='take what is whole of a damaged bag, say what is lost, exit 3 (default); or refuse')

@@ -11,7 +11,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""The scans that the output of a plan holds: their record, and their images."""
+"""The scans in the output of a plan: their record, and their images."""
 
 import json
 import os

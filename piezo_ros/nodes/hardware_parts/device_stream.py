@@ -107,7 +107,7 @@ class DeviceStream:
             if self._device.generated() < self._written:
                 return None
             left += 1  # It has run dry, and says at which index.
-        # Readings that have piled up hold the demand for voltages back: they are fetched sooner.
+        # Readings that have piled up delay the demand for voltages: they are fetched sooner.
         behind = min(self._generated - self.fetched, _CATCH_UP * self._at_once)
         count = min(left, max(self._at_once, behind))
         readings_um = checked_readings(self._device.read(count), self.fetched, count)

@@ -26,7 +26,7 @@ _Floats = NDArray[np.float64]
 
 class PairedSamples:
     """
-    Holds what has come of two streams until the other one has come as far.
+    Keeps what has come of two streams until the other one has come as far.
 
     Samples before the first one that both have are left out.
     """

@@ -28,7 +28,7 @@ from piezo_ros.report.figures.style import figure_style
 __all__ = ['png', 'svg']
 
 _DOTS_PER_INCH: Final = 160
-# XML cannot hold them, not even escaped.
+# XML cannot contain them, not even escaped.
 _NO_TEXT: Final = re.compile('[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\ud800-\udfff\ufffe\uffff]')
 
 

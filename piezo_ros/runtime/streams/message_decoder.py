@@ -79,7 +79,7 @@ class MessageDecoder:
         return index, samples.size
 
     def remember_head(self, length: int, samples: int) -> None:
-        """Keep the head of the messages of a length in bytes, which hold so many samples."""
+        """Keep the head of the messages of a length in bytes, which have so many samples."""
         if length in self.heads or samples > _LONGEST_KEPT:
             return  # The dot product of a longer one would wake the threads of the linear algebra.
         if len(self.heads) >= _KEPT_LENGTHS:

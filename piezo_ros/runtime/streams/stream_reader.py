@@ -168,7 +168,7 @@ class StreamReader:
 
     def take_one(self) -> float | None:
         """
-        Return the next sample if the next message holds exactly that one (hot path).
+        Return the next sample if the next message is exactly that one (hot path).
 
         Everything else gives None and is left to `take_rest`: no message, several samples, the
         end, a message that is refused.

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Chunks that hold more than they claim, or claim more than is reasonable (A5)."""
+"""Chunks that contain more than they claim, or claim more than is reasonable (A5)."""
 
 import struct
 import tracemalloc
@@ -82,7 +82,7 @@ def test_a_chunk_that_ends_early_is_refused(compression, cut):
 
 
 def _with_bomb(path, compression):
-    """Put a chunk that holds more than it claims ahead of the end of a file."""
+    """Put a chunk that contains more than it claims ahead of the end of a file."""
     bomb = BOMB[compression]()
     body = struct.pack('<QQQII', 0, 0, 1000, 0, len(compression)) + compression.encode()
     body += struct.pack('<Q', len(bomb)) + bomb

@@ -29,7 +29,7 @@ def _record(opcode, body):
 
 
 messages = st.binary(min_size=22, max_size=60).map(lambda body: _record(MESSAGE, body))
-# A record that holds what looks like a message.
+# A record that contains what looks like a message.
 decoys = messages.map(lambda message: _record(0x0C, message))
 others = st.tuples(st.sampled_from([0x03, 0x04, 0x0C, 0x80]), st.binary(max_size=40)).map(
     lambda pair: _record(*pair))

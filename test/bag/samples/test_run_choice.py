@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A bag that holds several runs, one after the other: each of them can be read."""
+"""A bag with several runs, one after the other: each of them can be read."""
 
 import numpy as np
 import pytest

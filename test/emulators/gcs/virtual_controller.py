@@ -62,7 +62,7 @@ class VirtualController:
     targets_um : list of ndarray
         What the target went to, for each servo cycle of a wave or each command.
     rows : ndarray, shape (N, 2)
-        What the recorder holds: position, voltage.
+        What the recorder has: position, voltage.
 
     """
 

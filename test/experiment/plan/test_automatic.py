@@ -279,7 +279,7 @@ def test_auto_in_the_section_of_a_node_is_decided_too(write_plan):
 
 def test_the_scored_periods_of_the_plan_are_the_predicted_ones(write_plan):
     run = {'scheme': 'auto', 'frequency_hz': 300.0, 'periods': 5}
-    # The first periods hold the start from rest.
+    # The first periods contain the start from rest.
     last, all_ = (
         read_plan(write_plan(runs=[run], score_periods=count)).runs[0].prediction
         for count in (1, 5))

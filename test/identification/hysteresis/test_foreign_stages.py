@@ -227,7 +227,7 @@ def test_d13_a_bag_in_blocks_is_reduced_to_its_branches_and_all_of_its_turns():
     samples = 600_000
     at = np.linspace(0.0, corners.size - 1.0, samples)
     voltage_v = np.interp(at, np.arange(corners.size), corners)
-    # The stage is rate-independent: its displacement on few points, which hold every bend well.
+    # The stage is rate-independent: its displacement on few points, which show every bend well.
     fine = triangle(REACH_V * SHARES, 4000)
     displacement_um = np.interp(at / at[-1], np.linspace(0.0, 1.0, fine.size), stage(fine))
     displacement_um = np.concatenate((np.zeros(37), displacement_um[:-37]))  # a delay
