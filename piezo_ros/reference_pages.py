@@ -24,7 +24,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from piezo_ros.launching.arguments import LAUNCH_FILES, LaunchArgument
+from piezo_ros.launching.arguments import LaunchArgument, declared_arguments
 from piezo_ros.model.parameters import CHANGES, Constraint, constraint_of
 from piezo_ros.parameters.node_parameters import (
     NODE_PARAMETERS,
@@ -40,6 +40,7 @@ _CHANGE_WORDS: Final = {
     'start': 'read-only'}
 _PRINTED: Final = (
     'Printed from the code by `make docs`; changes belong there.')
+_LAUNCH_FILES: Final = Path(__file__).resolve().parents[1] / 'launch'
 _TYPES: Final = {bool: 'bool', int: 'int', float: 'double', str: 'string', tuple: 'double[]'}
 
 
@@ -79,6 +80,9 @@ def launch_page() -> str:
     """Return the page of every launch file's arguments, as Markdown."""
     lines = [
         '# Launch files', '', _PRINTED, '',
+        'Written to be read, and to be copied into a package of your own:',
+        '[rig.launch.py](../launch/rig.launch.py), [loop.launch.py](../launch/loop.launch.py),',
+        '[scan.launch.py](../launch/scan.launch.py).', '',
         '`ros2 launch piezo_ros FILE --show-args` tells the same. Each takes all nodes into one',
         '`namespace`. They end as soon as the recorder has closed its bag, or one of them has',
         'failed, which the log says; the launch is over when nothing of it is left.',
@@ -89,8 +93,8 @@ def launch_page() -> str:
         'An argument that the file does not declare is refused on the command line; launch itself',
         'ignores it. Where the file is included, the log warns of names that are nearly its own.',
         '', *_INCLUDED]
-    for file, arguments in LAUNCH_FILES.items():
-        lines += ['', f'## {file}', '', *_launch_table(arguments)]
+    for file in sorted(_LAUNCH_FILES.glob('*.launch.py')):
+        lines += ['', f'## {file.name}', '', *_launch_table(declared_arguments(file))]
     return '\n'.join([*lines, ''])
 
 

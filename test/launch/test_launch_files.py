@@ -12,26 +12,58 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The launch files themselves, where `launch` is installed."""
+"""The launch files themselves: their arguments are the parameters that they set."""
 
-import ast
-from pathlib import Path
+import dataclasses
 
 import pytest
+from launch_files import FOLDER, LAUNCH_FILES
 
-from piezo_ros.launching.arguments import LAUNCH_FILES
+from piezo_ros.model.parameters import constraint_of
+from piezo_ros.parameters.node_parameters import NODE_PARAMETERS
 
-FOLDER = Path(__file__).parents[2] / 'launch'
+# Of parameters that several nodes have, those of the plant are meant.
+NODES = ('recorder', 'controller', 'trajectory', 'plant')
 
 
-def test_every_launch_file_is_in_the_table_and_does_nothing_but_hand_it_over():
-    files = {path.name: path for path in FOLDER.glob('*.launch.py')}
-    assert files.keys() == LAUNCH_FILES.keys()
-    for path in files.values():
-        *_, function = ast.parse(path.read_text(encoding='utf-8')).body
-        assert isinstance(function, ast.FunctionDef)
-        assert function.name == 'generate_launch_description'
-        assert ast.unparse(function.body[-1]) == 'return describe(Path(__file__))'
+def parameters():
+    """Return name to field of what the arguments may set."""
+    return {
+        field.name: field for node in NODES for parameter_set in NODE_PARAMETERS[node]
+        for field in dataclasses.fields(parameter_set)}
+
+
+def test_the_launch_files_are_rig_loop_and_scan():
+    assert [*LAUNCH_FILES] == ['loop.launch.py', 'rig.launch.py', 'scan.launch.py']
+
+
+@pytest.mark.parametrize('name', LAUNCH_FILES)
+def test_an_argument_that_is_a_parameter_says_of_it_what_the_node_declares(name):
+    fields = parameters()
+    found = 0
+    for argument in LAUNCH_FILES[name]:
+        if argument.name not in fields:
+            continue
+        found += 1
+        field = fields[argument.name]
+        constraint = constraint_of(field)
+        unit = f' [{constraint.unit}]' if constraint.unit else ''
+        default = str(field.default).lower() if isinstance(field.default, bool) else str(
+            field.default)
+        if argument.name == 'handshake_timeout_s':
+            unit += f'; empty: what a parameter file says, else {default}'
+            default = ''
+        assert argument.default == default
+        assert argument.description == constraint.description + unit
+        assert argument.choices == (
+            constraint.choices or (('true', 'false') if isinstance(field.default, bool) else ()))
+    assert found == {'loop.launch.py': 7, 'rig.launch.py': 7, 'scan.launch.py': 16}[name]
+
+
+def test_every_launch_file_declares_alike_what_all_have():
+    loop, rig, scan = (
+        {argument.name: argument for argument in LAUNCH_FILES[name]} for name in LAUNCH_FILES)
+    assert loop.items() <= rig.items() <= scan.items()
 
 
 @pytest.mark.parametrize('name', LAUNCH_FILES)

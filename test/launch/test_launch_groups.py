@@ -20,6 +20,7 @@ What each process is started with, and which others end with it. Real nodes: tes
 
 import contextlib
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -27,9 +28,8 @@ import time
 from pathlib import Path
 
 import pytest
+from launch_files import LAUNCH_FILES
 from python_path import python_path
-
-from piezo_ros.launching.arguments import LAUNCH_FILES
 
 ROOT = Path(__file__).parents[2]
 PATIENCE_S = 30.0
@@ -268,6 +268,22 @@ def test_what_is_not_given_is_by_default_in_a_group_and_nothing_of_ours_is_left_
     launch.wait_for(''.join(f'{name}=unset' for name in names))
     assert 'scan.launch.py in /one: ' in launch.said
     assert 'scan.launch.py in /two: namespace:=two\n' in launch.said
+
+
+def test_a_copy_under_another_name_starts_what_its_own_folder_says(launched, tmp_path):
+    for folder in 'launch', 'config':
+        shutil.copytree(ROOT / folder, tmp_path / 'my_rig' / folder)
+    copy = tmp_path / 'my_rig' / 'launch' / 'mine.launch.py'
+    copy.write_text((ROOT / 'launch' / 'rig.launch.py').read_text().replace(
+        "executable='plant'", "executable='plant', name='stage'"))
+    launch = launched('', 'namespace:=mine', 'record:=true', file=copy)
+    words = launch.words('_mine', 'plant')
+    assert str(tmp_path / 'my_rig' / 'config' / 'rig.yaml') in words
+    assert '__node:=stage' in words
+    launch.end('_mine', 'recorder', 0)
+    said = launch.wait()
+    assert 'mine.launch.py in /mine: namespace:=mine, record:=true' in said
+    assert is_clean(said), said
 
 
 def test_a_misspelt_argument_of_the_launch_file_itself_starts_nothing(launched):

@@ -18,15 +18,15 @@ import itertools
 from pathlib import Path
 
 import pytest
+from launch_files import LAUNCH_FILES, default_values, started_by
 
 from piezo_ros.launching.arguments import (
-    LAUNCH_FILES,
     check_given,
     given_arguments,
     is_launched_by,
     misspelt_configurations,
 )
-from piezo_ros.launching.processes import node_processes, reason_to_end
+from piezo_ros.launching.node_arguments import reason_to_end
 from piezo_ros.model import ParameterError
 from piezo_ros.parameters.errors import PlanError
 from piezo_ros.parameters.node_parameters import LOOP_NODES
@@ -35,23 +35,13 @@ from piezo_ros.parameters.parameter_file import read_parameter_file
 CONFIG = Path(__file__).parents[2] / 'config'
 
 
-def arguments(launch_file, **given):
-    """Return all arguments of a launch file as launch would hand them over."""
-    values = {
-        argument.name: str(CONFIG / argument.default) if argument.name.endswith('_file')
-        else argument.default for argument in LAUNCH_FILES[launch_file]}
-    assert given.keys() <= values.keys()
-    return {**values, **given}
+SCAN = [argument.name for argument in LAUNCH_FILES['scan.launch.py']]
 
 
 def processes(launch_file, **given):
     return {
         process.executable: process.ros_arguments
         for process in started_by(launch_file, **given)}
-
-
-def started_by(launch_file, **given):
-    return node_processes(launch_file, arguments(launch_file, **given))
 
 
 def parameters(words):
@@ -82,7 +72,7 @@ def test_every_argument_is_described_and_its_default_is_a_choice(launch_file):
 
 
 def test_the_defaults_of_a_scan_are_what_the_parameter_files_say():
-    defaults = arguments('scan.launch.py')
+    defaults = default_values('scan.launch.py')
     in_files = {
         **read_parameter_file(CONFIG / 'trajectory.yaml', ['trajectory'])['trajectory'],
         **read_parameter_file(CONFIG / 'controller.yaml', ['controller'])['controller']}
@@ -165,10 +155,10 @@ def test_a_rig_ends_with_its_recorder_and_with_whoever_fails(executable, exit_co
 
 
 def test_the_log_tells_what_was_given_and_only_that():
-    assert given_arguments('scan.launch.py', arguments('scan.launch.py')) == ''
-    assert given_arguments('scan.launch.py', arguments(
-        'scan.launch.py', namespace='one', periods='3', scheme='fbff')
-    ) == 'periods:=3, namespace:=one'
+    defaults = default_values('scan.launch.py')
+    assert given_arguments(defaults, defaults) == ''
+    given = {'namespace': 'one', 'periods': '3', 'scheme': 'fbff'}
+    assert given_arguments(defaults, {**defaults, **given}) == 'periods:=3, namespace:=one'
 
 
 @pytest.mark.parametrize('launch_file', ['loop.launch.py', 'scan.launch.py'])
@@ -236,16 +226,16 @@ def test_a_file_with_what_rclpy_declares_itself_is_handed_over(tmp_path):
 
 def test_arguments_that_a_launch_file_does_not_declare_are_refused():
     path = CONFIG.parent / 'launch' / 'scan.launch.py'
-    check_given(path, ['frequency_hz:=500', 'sigterm_timeout:=20', 'launch-prefix:=nice'])
+    check_given(path, SCAN, ['frequency_hz:=500', 'sigterm_timeout:=20', 'launch-prefix:=nice'])
     with pytest.raises(PlanError) as caught:
-        check_given(path, ['scheme:=fb', 'frequncy_hz:=500'])
+        check_given(path, SCAN, ['scheme:=fb', 'frequncy_hz:=500'])
     text = str(caught.value)
     assert text.startswith(f'{path}: unknown argument frequncy_hz:=500; allowed are scheme, ')
     assert text.endswith("; did you mean 'frequency_hz'?")
-    for argument in LAUNCH_FILES['scan.launch.py']:
-        assert argument.name in text
+    assert all(name in text for name in SCAN)
     with pytest.raises(PlanError, match='unknown argument scheme:=fb'):
-        check_given(path.with_name('rig.launch.py'), ['scheme:=fb'])
+        check_given(
+            path.with_name('rig.launch.py'), [*default_values('rig.launch.py')], ['scheme:=fb'])
 
 
 @pytest.mark.parametrize(('words', 'itself'), [
@@ -277,7 +267,7 @@ def test_only_what_is_given_to_the_launch_file_itself_is_judged(tmp_path, words,
         'sample_period': 'sample_period_s', 'amplitude': 'amplitude_um'}),
     (['sample_period', 'sample_period_s'], {}),  # of the launch file around it, and handed on
     (['rig', 'rig_name', 'log', 'use_sim_time', 'world'], {}),
-    ([argument.name for argument in LAUNCH_FILES['scan.launch.py']], {}),
+    (SCAN, {}),
 ])
 def test_only_what_is_near_to_an_argument_that_is_not_set_is_taken_for_misspelt(names, misspelt):
-    assert misspelt_configurations('scan.launch.py', names) == misspelt
+    assert misspelt_configurations(SCAN, names) == misspelt

@@ -27,11 +27,10 @@ from pathlib import Path
 
 import pytest
 import yaml
+from launch_files import started_by
 from python_path import python_path
 
 from piezo_ros.bag import STREAMS, BagError, read
-from piezo_ros.launching.arguments import LAUNCH_FILES
-from piezo_ros.launching.processes import node_processes
 from piezo_ros.runtime.process.running_time import RunningTime
 
 ROOT = Path(__file__).parents[2]
@@ -269,14 +268,10 @@ def rig(tmp_path):
 def launched(rig):
     """Start what scan.launch.py would."""
     def start(**given):
-        values = {
-            argument.name: str(ROOT / 'config' / argument.default)
-            if argument.name.endswith('_file') else argument.default
-            for argument in LAUNCH_FILES['scan.launch.py']}
         return {
             process.executable: rig.start_process(
                 process.executable, *process.command_line)
-            for process in node_processes('scan.launch.py', {**values, **given})}
+            for process in started_by('scan.launch.py', **given)}
 
     return start
 
