@@ -21,6 +21,7 @@ from launch.actions import DeclareLaunchArgument, GroupAction, OpaqueFunction
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
+from piezo_ros.control.waveform import WAVEFORMS
 from piezo_ros.launching.node_arguments import (
     checked_parameters,
     node_namespace,
@@ -38,9 +39,7 @@ ARGUMENTS = [
         'control scheme; auto: fbff where feedback is acceptable at amplitude and frequency '
         'of the scan, else ff'),
     DeclareLaunchArgument(
-        'waveform', default_value='triangle',
-        choices=['triangle', 'sine', 'decreasing_triangle', 'stepped_sine', 'multisine', 'file',
-                 'sawtooth', 'staircase', 'lissajous', 'spiral'],
+        'waveform', default_value='triangle', choices=WAVEFORMS,
         description='shape of the desired displacement'),
     DeclareLaunchArgument(
         'amplitude_um', default_value='1.0',

@@ -18,6 +18,7 @@ import ast
 import itertools
 from collections.abc import Iterable, Mapping, Sequence
 from difflib import get_close_matches
+from importlib import import_module
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -57,26 +58,32 @@ def declared_arguments(launch_file: Path) -> tuple[LaunchArgument, ...]:
     Parameters
     ----------
     launch_file : Path
-        A file that calls ``DeclareLaunchArgument`` with literal texts. A default such as
-        ``str(CONFIG / 'rig.yaml')`` stands for the file in that folder, here ``rig.yaml``.
+        A file that calls ``DeclareLaunchArgument`` with literal texts, or names that it imports. A
+        default such as ``str(CONFIG / 'rig.yaml')`` stands for the file in that folder, here
+        ``rig.yaml``.
 
     """
+    nodes = [*ast.walk(ast.parse(launch_file.read_text(encoding='utf-8')))]
+    module_of = {
+        alias.name: str(node.module) for node in nodes if isinstance(node, ast.ImportFrom)
+        for alias in node.names}
+
+    def value(node: ast.expr) -> Any:
+        if isinstance(node, ast.Name):
+            return getattr(import_module(module_of[node.id]), node.id)
+        texts = [part.value for part in ast.walk(node) if isinstance(part, ast.Constant)]
+        return texts[-1] if isinstance(node, ast.Call) else ast.literal_eval(node)
+
+    def argument(call: ast.Call) -> LaunchArgument:
+        given = {str(keyword.arg): value(keyword.value) for keyword in call.keywords}
+        return LaunchArgument(
+            value(call.args[0]), given['default_value'], given['description'],
+            tuple(given.get('choices', ())))
+
     calls = [
-        node for node in ast.walk(ast.parse(launch_file.read_text(encoding='utf-8')))
+        node for node in nodes
         if isinstance(node, ast.Call) and ast.unparse(node.func) == 'DeclareLaunchArgument']
-    return tuple(_declared(call) for call in sorted(calls, key=lambda call: call.lineno))
-
-
-def _declared(call: ast.Call) -> LaunchArgument:
-    given = {str(keyword.arg): _literal(keyword.value) for keyword in call.keywords}
-    return LaunchArgument(
-        _literal(call.args[0]), given['default_value'], given['description'],
-        tuple(given.get('choices', ())))
-
-
-def _literal(node: ast.expr) -> Any:
-    texts = [part.value for part in ast.walk(node) if isinstance(part, ast.Constant)]
-    return texts[-1] if isinstance(node, ast.Call) else ast.literal_eval(node)
+    return tuple(argument(call) for call in sorted(calls, key=lambda call: call.lineno))
 
 
 def given_arguments(defaults: Mapping[str, str], values: Mapping[str, str]) -> str:
