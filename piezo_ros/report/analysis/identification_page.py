@@ -284,11 +284,11 @@ def _residuals_over_time(time_s: _Floats, residual_um: _Floats) -> list[Content]
 
 def _comparison_section(compared: Sequence[ModelResidual]) -> Section:
     return Section('models', 'Other models of the same loops', [
-        Picture('models', 'Residual of the fit (filled) and of loops held out (open) of each '
+        Picture('models', 'Residual of the fit (filled) and of samples held out (open) of each '
                 'model; far apart, the model describes the noise.',
                 lambda: model_comparison_figure(compared)),
         Table([Column('model'), Column('parameters', '', 'd'), Column('residual', 'nm', '.3g'),
-               Column('of loops held out', 'nm', '.3g')],
+               Column('of samples held out', 'nm', '.3g')],
               [list(model) for model in compared])])
 
 

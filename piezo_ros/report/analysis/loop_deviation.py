@@ -129,7 +129,7 @@ def model_comparison_figure(models: Sequence[ModelResidual]) -> Figure:
                   markersize=7, color=SERIES[0], label='fit')
         axes.plot([model.held_out_rms_nm for model in models], places, linestyle='none',
                   marker='D', markersize=7, markerfacecolor='none', markeredgewidth=1.6,
-                  color=SERIES[3], label='loops held out')
+                  color=SERIES[3], label='samples held out')
         percent_axis(axes, 'x')
         axes.set_yticks(list(places), names)
         axes.invert_yaxis()

@@ -40,7 +40,7 @@ def test_the_mrc_model_describes_its_own_data_best():
     assert errors == sorted(errors)
     assert errors[0] == pytest.approx(1e-3, rel=0.05)
     assert errors[1] > 3e-3
-    assert errors[3] > 0.1  # no memory: half the width of the loop
+    assert errors[-1] > 0.1  # no memory: half the width of the loop
     for score in scores:
         assert score.residual_um.shape == voltage.shape
         assert np.sqrt(np.nanmean(score.residual_um**2)) == pytest.approx(score.rms_um)
