@@ -100,7 +100,9 @@ def start(context):
     files = {
         'plant': given['rig_file'], 'compensator': given['compensator_file'],
         'controller': given['controller_file'], 'trajectory': given['trajectory_file']}
-    common = {name: given[name] for name in ('sample_period_s', 'autostart', 'handshake_timeout_s')}
+    common = {
+        name: given[name] for name in ('sample_period_s', 'autostart', 'handshake_timeout_s')
+        if given[name]}
     # With a recorder, which reads every stream, the nodes stay until it has their parameters.
     recorded = {'required_readers': 2, 'linger_s': -1.0} if given['record'] == 'true' else {}
     loop = {**common, **recorded}

@@ -50,8 +50,7 @@ def checked_parameters(
     Parameters
     ----------
     given : mapping of str to mapping of str
-        Node to its parameters, as values or as texts of the command line; '' stands for none. They
-        are checked in this order.
+        Node to its parameters, as values or as texts of the command line, checked in this order.
     files : mapping of str to str
         Node to the file with the others, for the nodes that have one.
 
@@ -82,7 +81,7 @@ def checked_parameters(
         texts = _text_parameters(node)
         own = {
             name: value if name in texts else _value(value)
-            for name, value in parameters.items() if value != ''}
+            for name, value in parameters.items()}
         complete = check_node_parameters(node, {**in_file, **own})
         # As they are declared, 3 periods as 3.0: of two values for one parameter ROS takes the
         # integer, also where the other is that of a SetParameter.
@@ -121,7 +120,8 @@ def ros_arguments(
             words += ['--params-file', files[node]]
     own = {name: value for node in names for name, value in parameters[node].items()}
     for name, value in own.items():
-        words += ['-p', f'{name}:={_typed(value)}']
+        if value != '':
+            words += ['-p', f'{name}:={_typed(value)}']
     return words
 
 

@@ -176,6 +176,7 @@ def test_one_process_takes_every_file_and_no_two_nodes_differ_in_a_name(launch_f
 @pytest.mark.parametrize(('given', 'error'), [
     ({'amplitude_um': '-1'}, '^amplitude_um is -1.0 um, allowed is 0'),
     ({'amplitude_um': 'much'}, "^amplitude_um is 'much', it must be a number"),
+    ({'amplitude_um': ''}, '^amplitude_um is None, it must be a number'),
     ({'harmonics': '2.5'}, 'harmonics is 2.5, it must be an integer'),
     ({'sample_period_s': '0'}, 'sample_period_s is 0.0 s, allowed is'),
     ({'handshake_timeout_s': '-1'}, 'handshake_timeout_s is -1.0 s, allowed is 0'),

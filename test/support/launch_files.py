@@ -19,7 +19,6 @@ import sys
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import NamedTuple
-from unittest.mock import patch
 
 from piezo_ros.launching.arguments import declared_arguments
 
@@ -84,11 +83,17 @@ def started_by(launch_file, **given):
     for name, classes in _IMPORTED.items():
         for each in classes:
             setattr(modules[name], each, type(each, (_StandIn,), {}))
-    with patch.dict(sys.modules, modules):
-        sys.modules.pop(_OURS, None)
+    # Only these go again: of what else is imported meanwhile there must be one copy.
+    before = {name: sys.modules.pop(name, None) for name in (*modules, _OURS)}
+    sys.modules.update(modules)
+    try:
         file = runpy.run_path(str(FOLDER / launch_file))
         actions = file['start'](SimpleNamespace(launch_configurations={**defaults, **given}))
-    sys.modules.pop(_OURS, None)  # It has the stand-ins.
+    finally:
+        for name, module in before.items():
+            sys.modules.pop(name, None)
+            if module is not None:
+                sys.modules[name] = module
     return [
         StartedProcess(
             action.executable, action.namespace or '', tuple(getattr(action, 'remappings', ())),
